@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from mirelight.pipeline.job_diagnostics import Check
     from mirelight.proxy import ProxyQuality
 
-_UNITS = {"directional": "lux", "sun": "lux", "point": "cd", "spot": "cd", "area": "cd/m²"}
 _MOST = 20  # lights or cameras that are listed
 
 
@@ -213,9 +212,17 @@ def _lighting(title: str, facts: LightingFacts) -> Rows:
         )
 
 
+def _symbol(kind: str) -> str:
+    """Of the unit of a light's intensity."""
+    from mirelight.model.light_classes import kind_named
+
+    known = kind_named(kind)
+    return "" if known is None else known.unit.symbol
+
+
 def _light(facts: LightFacts, *, unknown: bool = False) -> str:
     """`unknown`: how strong it is, is still to be found."""
-    strength = [f"{facts.intensity:g} {_UNITS[facts.type]}", f"color {_vector(facts.color)}"]
+    strength = [f"{facts.intensity:g} {_symbol(facts.type)}", f"color {_vector(facts.color)}"]
     parts = [f"{facts.name}: {facts.type}", *(["as strong as the splats tell"] if unknown else strength)]
     if facts.shape is not None and facts.size is not None:
         parts.insert(1, f"{facts.shape} {_vector(facts.size)}")

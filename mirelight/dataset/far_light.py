@@ -11,7 +11,7 @@ import numpy as np
 
 from mirelight.base.errors import InputError
 from mirelight.io.environment import read_environment
-from mirelight.model import F32, F64, DirectionalLight, SunLight
+from mirelight.model import F32, F64, ParallelLight, SunLight
 from mirelight.pipeline.captured_sun import one_distant
 from mirelight.pipeline.codecs import ARRAY
 from mirelight.relighting import backdrop
@@ -50,7 +50,7 @@ class FarLight:
         wide, strength = values.astype(np.float64), around.intensity * np.asarray(around.color)
         return tuple(Sun(row[:3], row[3:6] * strength, float(row[6])) for row in wide)
 
-    def lamp(self, unit: UnitLight) -> DirectionalLight | SunLight | None:
+    def lamp(self, unit: UnitLight) -> ParallelLight | None:
         """The one lamp that a unit light from far away is; None where it is none, or several."""
         if unit.kind != "sun":
             return None
@@ -75,7 +75,7 @@ class FarLight:
         suns: list[Sun] = []
         for place, weight in zip(lighting.units, lighting.weights, strict=True):
             unit, factor = self._index.units[place], np.asarray(weight, dtype=np.float64)
-            own = (Sun.of(light) for light in unit.lights if isinstance(light, DirectionalLight | SunLight))
+            own = (Sun.of(light) for light in unit.lights if isinstance(light, ParallelLight))
             suns += _scaled(own, factor)
             for around in unit.around:
                 found = self.suns(around)

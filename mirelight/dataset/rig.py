@@ -11,16 +11,12 @@ from mirelight.base.conventions import Matrix
 from mirelight.dataset.layouts.pictures import Lamp, Shared
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.dataset.view import DataSet
-from mirelight.model import IesProfile, Light, PointLight, SpotLight, SunLight
+from mirelight.model import LIGHT_CLASSES, AreaLight, IesProfile, Light, PointLight, PosedLight, SpotLight, SunLight
 from mirelight.relighting.surroundings import Sun
 from mirelight.store.layer_index import UnitLight
 
 _UNITS = {
-    "point": "candela, of the data set's world: the job's times the square of its scale",
-    "spot": "candela, of the data set's world: the job's times the square of its scale",
-    "sun": "lux",
-    "directional": "lux",
-    "area": "candela per square metre",
+    **{x.KIND.name: x.KIND.unit.of_data_sets for x in LIGHT_CLASSES},
     "environment": "candela per square metre for a value of 1",
 }
 
@@ -89,11 +85,14 @@ def _described(data: DataSet, unit: UnitLight, world: Matrix) -> dict[str, Any]:
 
 def _light(light: Light, world: Matrix) -> dict[str, Any]:
     scale = scale_of(world)
-    part: dict[str, Any] = {"type": type(light).__name__.removesuffix("Light").lower(), "color": light.color.tolist()}
-    part["intensity"] = light.intensity * (scale**2 if isinstance(light, PointLight | SpotLight) else 1.0)
-    pose = getattr(light, "world_from_light", None)
-    if pose is not None:
-        part |= {"pose": (world @ pose).tolist(), "size": [x * scale for x in getattr(light, "size", ())]}
+    part: dict[str, Any] = {"type": light.KIND.name, "color": light.color.tolist()}
+    part["intensity"] = light.intensity * scale**light.KIND.unit.grows
+    if isinstance(light, PosedLight):
+        part["pose"] = (world @ light.world_from_light).tolist()
+        for one in light.KIND.fields:
+            part[one.name] = getattr(light, one.name) * (scale if one.unit == "world units" else 1.0)
+    if isinstance(light, AreaLight):
+        part["size"] = [x * scale for x in light.size]
     if isinstance(light, PointLight | SpotLight):
         part["position"] = (world[:3, :3] @ light.position + world[:3, 3]).tolist()
         part |= {"radius": light.radius * scale}

@@ -9,9 +9,7 @@ import numpy as np
 from mirelight.base.colour import REC709_LUMINANCE
 from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Estimate
-from mirelight.model import F64, AreaLight, PointLight, SpotLight
-
-_UNITS = {PointLight: "candela", SpotLight: "candela", AreaLight: "cd/m²"}  # the rest: lux
+from mirelight.model import F64
 
 
 def described(found: Estimate) -> Iterator[str]:
@@ -28,7 +26,7 @@ def described(found: Estimate) -> Iterator[str]:
     else:
         yield f"sun          none found (the best one explains {c.sun_gain:.3f} of the differences)"
     for light in found.named:
-        strength, unit = _luminance(light.color * light.intensity), _UNITS.get(type(light), "lux")
+        strength, unit = _luminance(light.color * light.intensity), light.KIND.unit.name
         yield f"light        {light.name}: {strength:.3g} {unit}"
     for lamp, gain in zip(found.lamps, c.lamps_gain, strict=True):
         weak = "" if gain >= TUNING.doubt_sure_lamp else "a weak one, perhaps none: "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, DirectionalLight, Lighting, SunLight
+from mirelight.model import F32, Lighting, ParallelLight
 from mirelight.model.results import EMISSION, free_layer_name
 
 MAX_LAYERS = 64  # above this many they become one: a layer's film takes 36 bytes a pixel
@@ -54,7 +54,7 @@ def sun_shares(lighting: Lighting) -> F32:
     """(max(n, 2),) each light's share of the illuminance of all directional lights and suns; other lights have none."""
     shares = np.zeros(max(len(lighting.lights), 2))
     for index, light in enumerate(lighting.lights):
-        if isinstance(light, DirectionalLight | SunLight):
+        if isinstance(light, ParallelLight):
             shares[index] = light.intensity * light.color.mean()
     total = shares.sum()
     return np.asarray(shares / total if total > 0 else shares, np.float32)

@@ -16,20 +16,20 @@ from mirelight.model.digests import digest
 from mirelight.model.exposure import Exposure
 from mirelight.model.ies import IesProfile
 from mirelight.model.inserted import Inserted, Scatter
-from mirelight.model.lights import (
+from mirelight.model.light_classes import (
+    LIGHT_CLASSES,
     AreaLight,
     DirectionalLight,
-    Environment,
-    EstimatedSky,
     Falloff,
-    LayerFactor,
     Light,
-    Lighting,
+    ParallelLight,
     PointLight,
-    SkyModel,
+    PunctualLight,
     SpotLight,
     SunLight,
 )
+from mirelight.model.light_kinds import LightBase, LightKind, PosedLight
+from mirelight.model.lights import Environment, EstimatedSky, LayerFactor, Lighting, SkyModel
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
 from mirelight.model.recipe import ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
@@ -58,6 +58,7 @@ __all__ = [
     "F32",
     "F64",
     "I32",
+    "LIGHT_CLASSES",
     "PROFILES",
     "AreaLight",
     "Backdrop",
@@ -86,19 +87,24 @@ __all__ = [
     "LayerFactor",
     "Layout",
     "Light",
+    "LightBase",
+    "LightKind",
     "LightLayer",
     "Lighting",
     "LightingBuffer",
     "Material",
     "Matte",
     "OutputSettings",
+    "ParallelLight",
     "PointLayers",
     "PointLight",
+    "PosedLight",
     "Profile",
     "ProfileRules",
     "Provenance",
     "ProxyMesh",
     "ProxyRecipe",
+    "PunctualLight",
     "RelightMode",
     "RelightSettings",
     "RenderSettings",

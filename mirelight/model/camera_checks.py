@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mirelight.model import F64, AreaLight, Camera, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
+from mirelight.model import F64, Camera, Lighting, ProxyMesh, SplatCloud
 from mirelight.model.triangles import crossed, distances_to
 
 _POINTS = 12_000  # spread evenly over the proxy, on its triangles in turn, and of the splats
@@ -116,14 +116,9 @@ def _places(lightings: Sequence[Lighting]) -> list[tuple[str, F64]]:
     known: dict[bytes, tuple[str, F64]] = {}
     for lighting in lightings:
         for light in lighting.lights:
-            match light:
-                case PointLight() | SpotLight():
-                    place = light.position
-                case AreaLight():
-                    place = light.world_from_light[:3, 3]
-                case _:
-                    continue
-            known.setdefault(place.tobytes(), (f"{light.name} of {lighting.name}", place))
+            place = light.place
+            if place is not None:
+                known.setdefault(place.tobytes(), (f"{light.name} of {lighting.name}", place))
     return list(known.values())
 
 

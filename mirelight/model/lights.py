@@ -1,154 +1,19 @@
-"""Lights and environments. KHR = glTF extension KHR_lights_punctual."""
+"""Lightings: lights, and what comes from all around."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mirelight.base import conventions
 from mirelight.model import shown
 from mirelight.model.arrays import F32, F64, ArrayHolder, freeze
 from mirelight.model.cameras import Camera
-from mirelight.model.cones import ConeLaw
 from mirelight.model.deferred import Deferred
-from mirelight.model.ies import IesProfile
 from mirelight.model.inserted import Inserted
+from mirelight.model.light_classes import Light
 from mirelight.model.relight_settings import RelightSettings
-
-Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engine's two
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DirectionalLight(ArrayHolder):
-    """KHR directional light: parallel, no position, hard shadows."""
-
-    name: str
-    direction: F64  # (3,) unit, the way the light travels
-    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear Rec.709
-    intensity: float = 1.0  # lux (illuminance on a facing surface)
-    shadows: bool = True  # playcanvas: casts shadows; physical light always does
-    penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
-    penumbra_falloff: float = 1.0  # of those, directional ones (its penumbraFalloff)
-    group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        object.__setattr__(self, "direction", conventions.unit(self.direction))
-        freeze(self, "direction", (3,), np.float64)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PointLight(ArrayHolder):
-    """KHR point light, or a sphere of that radius with the same candela."""
-
-    name: str
-    position: F64  # (3,) world units
-    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
-    intensity: float = 1.0  # candela
-    range: float = float("inf")  # world units; KHR window max(min(1 - (d/range)^4, 1), 0); inf: none
-    radius: float = 0.0  # world units; 0: a point with hard shadows
-    profile: IesProfile | None = None  # by direction, times the candela; None: the same all around
-    falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
-    shadows: bool = True  # playcanvas: casts shadows; physical light always does
-    penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
-    group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "position", (3,), np.float64)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SpotLight(ArrayHolder):
-    """KHR spot light: light fades between two half angles by a law (`model.cones`), `range` as for points."""
-
-    name: str
-    position: F64  # (3,) world units
-    direction: F64  # (3,) unit, the cone's axis away from the light
-    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
-    intensity: float = 1.0  # candela inside the inner cone
-    range: float = float("inf")  # world units
-    inner_cone_angle: float = 0.0  # rad, half angle, 0 <= inner < outer; equal to it: a hard edge
-    outer_cone_angle: float = float(np.pi / 4)  # rad, half angle, <= pi / 2
-    cone: ConeLaw = "khr"
-    profile: IesProfile | None = None  # by direction, times candela and cone; its nadir is the axis
-    radius: float = 0.0  # world units; 0: a point with hard shadows
-    falloff: Falloff | None = None  # of a light written in the real-time engine's terms; physical light has its own law
-    shadows: bool = True  # playcanvas: casts shadows; physical light always does
-    penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
-    group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "position", (3,), np.float64)
-        object.__setattr__(self, "direction", conventions.unit(self.direction))
-        freeze(self, "direction", (3,), np.float64)
-        if self.profile is not None and not np.allclose(self.profile.nadir, self.direction, atol=1e-6):
-            raise ValueError("SpotLight.profile: its nadir is not the spot's direction")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SunLight(ArrayHolder):
-    """A far disc: a directional light with an angular diameter, so soft shadow edges."""
-
-    name: str
-    direction: F64  # (3,) unit, the way the light travels (from the disc's centre)
-    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
-    intensity: float = 1.0  # lux on a surface facing the disc's centre
-    angular_diameter: float = 0.53  # degrees, > 0
-    group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        object.__setattr__(self, "direction", conventions.unit(self.direction))
-        freeze(self, "direction", (3,), np.float64)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class AreaLight(ArrayHolder):
-    """A glowing rectangle, disk or sphere, seen by light only (it is not part of the proxy and blocks nothing)."""
-
-    name: str
-    shape: Literal["rectangle", "disk", "sphere"]
-    world_from_light: F64  # (4, 4) rigid; a rectangle or disk lies in its XY plane and shines along its -Z
-    size: tuple[float, float]  # world units: rectangle width and height; disk and sphere: diameter, twice
-    color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
-    intensity: float = 1.0  # candela per square metre (radiance), the same in every direction it shines
-    group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "world_from_light", (4, 4), np.float64)
-
-
-Light: TypeAlias = DirectionalLight | PointLight | SpotLight | SunLight | AreaLight
-
-
-def position_of(light: Light) -> F64 | None:
-    """(3,) where a light is, world units; None: nowhere, as it shines from far away."""
-    match light:
-        case PointLight() | SpotLight():
-            return light.position
-        case AreaLight():
-            return light.world_from_light[:3, 3]
-        case DirectionalLight() | SunLight():
-            return None
-
-
-def moved_to(light: Light, position: ArrayLike) -> Light:
-    """The light at another place (3,), world units, turned as before; one from far away as it is."""
-    match light:
-        case PointLight() | SpotLight():
-            return replace(light, position=np.asarray(position, np.float64))
-        case AreaLight():
-            pose = light.world_from_light.copy()
-            pose[:3, 3] = position
-            return replace(light, world_from_light=pose)
-        case DirectionalLight() | SunLight():
-            return light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -34,19 +34,21 @@ from numpy.typing import ArrayLike
 from mirelight.base import colour
 from mirelight.model import (
     F64,
-    AreaLight,
     Camera,
     DirectionalLight,
     Environment,
     Falloff,
     Light,
     Lighting,
+    ParallelLight,
     PointLight,
+    PosedLight,
     ProxyMesh,
     SpotLight,
     SunLight,
 )
 from mirelight.model.arrays import freeze
+from mirelight.model.light_classes import punctual
 
 INVERSE_SQUARED_GAIN = 16.0  # the engine's falloff is 16 / (d² + 1), windowed
 CONE_SHRINK = 0.99  # clustered lighting stores cone angles times this, so that the shadow map's edge is not seen
@@ -186,9 +188,11 @@ def to_engine(
 
 
 def _engine_light(light: Light, proxy: ProxyMesh, shadows: bool, clustered: bool, warnings: list[str]) -> EngineLight:
-    if isinstance(light, AreaLight):
-        light = _without_area(light, warnings)
-    if isinstance(light, DirectionalLight | SunLight):
+    if isinstance(light, PosedLight):
+        what = f"{light.KIND.name} lights become punctual ones of the same candela; soft shadows are lost"
+        warnings.append(f"{light.name}: {what}")
+        light = punctual(light)
+    if isinstance(light, ParallelLight):
         color, intensity = engine_color(light.color * light.intensity / math.pi)
         return EngineLight(
             name=light.name,
@@ -247,25 +251,6 @@ def _furthest(position: F64, proxy: ProxyMesh) -> float:
         return 1.0
     low, high = proxy.bounds
     return max(float(np.linalg.norm(np.maximum(np.abs(position - low), np.abs(position - high)))), 1e-3)
-
-
-def _without_area(light: AreaLight, warnings: list[str]) -> PointLight | SpotLight:
-    """A punctual light with the area light's candela on its axis: radiance times projected area."""
-    warnings.append(f"{light.name}: area lights become punctual ones of the same candela; soft shadows are lost")
-    position, axis = light.world_from_light[:3, 3], -light.world_from_light[:3, 2]
-    width, height = light.size
-    if light.shape == "sphere":
-        candela = light.intensity * math.pi * (width / 2) ** 2
-        return PointLight(name=light.name, position=position, color=light.color, intensity=candela)
-    area = width * height * (math.pi / 4 if light.shape == "disk" else 1.0)
-    return SpotLight(
-        name=light.name,
-        position=position,
-        direction=axis,
-        color=light.color,
-        intensity=light.intensity * area,
-        outer_cone_angle=math.pi / 2,
-    )
 
 
 def camera_warnings(camera: Camera) -> tuple[str, ...]:

@@ -16,13 +16,12 @@ import numpy as np
 
 from mirelight.model import (
     F64,
-    DirectionalLight,
     Environment,
     EstimatedSky,
     Light,
     Lighting,
+    ParallelLight,
     SkyModel,
-    SunLight,
     digest,
 )
 from mirelight.model.lights import SKY, SUN
@@ -48,7 +47,7 @@ class Unit:
     @property
     def has_sun(self) -> bool:
         """True where sun visibility counts it."""
-        return self.part == SUN or any(isinstance(x, DirectionalLight | SunLight) for x in self.lights)
+        return self.part == SUN or any(isinstance(x, ParallelLight) for x in self.lights)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight import relighting
-from mirelight.model import F32, Camera, DirectionalLight, Light, Lighting, LightingBuffer, LightLayer, SunLight
+from mirelight.model import (
+    F32,
+    Camera,
+    Light,
+    Lighting,
+    LightingBuffer,
+    LightLayer,
+    ParallelLight,
+)
 from mirelight.model.unit_lights import LightSet, Mixture
 
 if TYPE_CHECKING:
@@ -40,7 +48,7 @@ def seen_sun(
         apart: whether frames can be mixed from kept layers, which know no sun where a lighting was traced as a whole.
     """
     if not mixture.terms:
-        suns = [x for x in mixture.sets[0].as_lighting(resolved).lights if isinstance(x, DirectionalLight | SunLight)]
+        suns = [x for x in mixture.sets[0].as_lighting(resolved).lights if isinstance(x, ParallelLight)]
         lamp = max(suns, key=lambda x: float(_falling(x).mean()), default=None)
         return None if lamp is None or apart else _traced(lamp, camera, tracer, denoised)
     found: list[relighting.Sun] = []
@@ -55,10 +63,10 @@ def seen_sun(
     return strongest(found)
 
 
-def one_distant(lamps: Sequence[Light]) -> DirectionalLight | SunLight | None:
+def one_distant(lamps: Sequence[Light]) -> ParallelLight | None:
     """The one distant lamp that a unit light is; None: it is more, or another."""
     lamp = lamps[0] if len(lamps) == 1 else None
-    return lamp if isinstance(lamp, DirectionalLight | SunLight) else None
+    return lamp if isinstance(lamp, ParallelLight) else None
 
 
 def strongest(suns: Sequence[relighting.Sun]) -> relighting.Sun | None:
@@ -66,18 +74,18 @@ def strongest(suns: Sequence[relighting.Sun]) -> relighting.Sun | None:
     return max(suns, key=lambda x: float(x.irradiance.mean()), default=None)
 
 
-def sun_of(lamp: DirectionalLight | SunLight, direct: F32, weight: F32) -> relighting.Sun:
+def sun_of(lamp: ParallelLight, direct: F32, weight: F32) -> relighting.Sun:
     """A lamp whose direct light (h, w, 3), at unit strength, counts so many times (3,)."""
     irradiance = np.asarray(_falling(lamp) * weight, np.float32)
     return relighting.Sun(direct * weight, np.asarray(lamp.direction, np.float32), irradiance)
 
 
-def _falling(lamp: DirectionalLight | SunLight) -> F32:
+def _falling(lamp: ParallelLight) -> F32:
     """(3,) irradiance / pi on a surface that faces it."""
     return np.asarray(lamp.color * lamp.intensity / np.pi, np.float32)
 
 
-def _traced(lamp: DirectionalLight | SunLight, camera: Camera, tracer: Tracer, denoised: bool) -> relighting.Sun:
+def _traced(lamp: ParallelLight, camera: Camera, tracer: Tracer, denoised: bool) -> relighting.Sun:
     from mirelight.lighting.splat_light import lamps_in_view
 
     buffer = lamps_in_view(tracer, Lighting(name="sun", lights=(lamp,)), camera)

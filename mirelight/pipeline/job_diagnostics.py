@@ -15,11 +15,12 @@ from mirelight.base.errors import InputError
 from mirelight.lighting.sight import Sight
 from mirelight.model import (
     F64,
-    AreaLight,
     Camera,
     Job,
+    Light,
     Lighting,
     PointLight,
+    PosedLight,
     ProxyMesh,
     SplatCloud,
     SpotLight,
@@ -37,8 +38,6 @@ _GRID = 32  # rays along a picture's longer side, to places that a light should 
 _BALL = 256  # rays all around a light
 _PAIRS = 1 << 14  # of what a light falls on, and what cameras see
 _SLACK = 1e-3  # of a distance
-
-Placed = PointLight | SpotLight | AreaLight
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,27 +128,26 @@ def hidden_lights(lightings: Iterable[Lighting], cameras: Sequence[Camera], sigh
     found = []
     for lighting in lightings:
         for light in lighting.lights:
-            if isinstance(light, PointLight | SpotLight | AreaLight) and light.intensity > 0:
-                wrong = _wrong(light, points, sight)
+            if light.place is not None and light.intensity > 0:
+                wrong = _wrong(light, light.place, points, sight)
                 if wrong is not None:
                     found.append(Finding("light", f"light {light.name!r} of {lighting.name!r} {wrong[0]}", wrong[1]))
     return found
 
 
-def _wrong(light: Placed, points: F64, sight: Sight) -> tuple[str, str] | None:
+def _wrong(light: Light, at: F64, points: F64, sight: Sight) -> tuple[str, str] | None:
     if not len(points):
         return None
-    at = light.world_from_light[:3, 3] if isinstance(light, AreaLight) else light.position
     away = points - at
     far = np.linalg.norm(away, axis=1)
-    if not isinstance(light, AreaLight) and far.min() > light.range:
+    if isinstance(light, PointLight | SpotLight) and far.min() > light.range:
         text = f"reaches {light.range:.3g} units, and the nearest surface that cameras see is {far.min():.3g} away"
         return text, "make its range larger, or leave it out"
     if isinstance(light, SpotLight):
         cosine = away @ light.direction / np.maximum(far, 1e-12)
         if cosine.max() < np.cos(light.outer_cone_angle):
             return "shines past all that cameras see", "turn it, or widen its cone"
-    if isinstance(light, AreaLight) or _reaches(at, points, sight):  # an area often lies on a wall
+    if isinstance(light, PosedLight) or _reaches(at, points, sight):  # an area often lies on a wall
         return None
     return "is inside the proxy, or closed in: nothing of it reaches what cameras see", "move it, or open the mesh"
 

@@ -17,11 +17,7 @@ from mirelight import relighting
 from mirelight.base.progress import ShareProgress, counted, quiet
 from mirelight.model import (
     F32,
-    DirectionalLight,
-    Light,
     Lighting,
-    PointLight,
-    SpotLight,
     SurfaceCells,
     SurfaceTransport,
 )
@@ -215,21 +211,10 @@ class SplatLight:
 
 def by_sharpness(lighting: Lighting, spp: int, *, glow: bool) -> Iterator[tuple[Lighting, int]]:
     """A lighting in parts, whose layers are whole, and the samples that each takes where reflected light is read."""
-    soft = {x.group or x.name for x in lighting.lights if not _is_sharp(x)}
+    soft = {x.group or x.name for x in lighting.lights if not x.is_sharp}
     sharp = tuple(x for x in lighting.lights if (x.group or x.name) not in soft)
     rest = replace(lighting, lights=tuple(x for x in lighting.lights if (x.group or x.name) in soft))
     if sharp:
         yield Lighting(name=lighting.name, lights=sharp), min(spp, SHARP_READS)
     if rest.lights or rest.environment is not None or rest.sky is not None or glow:
         yield rest, spp
-
-
-def _is_sharp(light: Light) -> bool:
-    """Whether it reaches a point from one direction alone."""
-    match light:
-        case DirectionalLight():
-            return True
-        case PointLight() | SpotLight():
-            return light.radius == 0
-        case _:
-            return False

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from mirelight import relighting
 from mirelight.base.progress import CountProgress
-from mirelight.model import Camera, DirectionalLight, Lighting, LightingBuffer, SunLight
+from mirelight.model import Camera, Lighting, LightingBuffer, ParallelLight
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 from mirelight.pipeline import requirements
 from mirelight.pipeline.captured_sun import seen_sun
@@ -198,7 +198,7 @@ def _sun_strengths(scene: Prepared, mixture: Mixture) -> Mapping[str, float]:
             continue
         home = mixture.home(term.unit)
         lights = LightSet((term.unit,)).as_lighting(scene.resolved).lights
-        suns = [x for x in lights if isinstance(x, DirectionalLight | SunLight)]
+        suns = [x for x in lights if isinstance(x, ParallelLight)]
         own = sum(x.intensity * float(x.color.mean()) for x in suns) * float(term.weight.mean())
         strengths[home.digest] = strengths.get(home.digest, 0.0) + own
     return strengths

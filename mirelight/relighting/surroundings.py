@@ -12,7 +12,7 @@ import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
-from mirelight.model import F32, F64, DirectionalLight, Lighting, SunLight
+from mirelight.model import F32, F64, Lighting, ParallelLight, SunLight
 
 MOST_ROWS = 1024  # of a map that is kept with a data set, or drawn
 SUN_DIAMETER = 0.53  # degrees, of a directional light, which has none
@@ -47,7 +47,7 @@ class Sun:
     diameter: float = SUN_DIAMETER  # degrees
 
     @staticmethod
-    def of(light: DirectionalLight | SunLight) -> Sun:
+    def of(light: ParallelLight) -> Sun:
         """A distant light as a disc."""
         diameter = light.angular_diameter if isinstance(light, SunLight) else SUN_DIAMETER
         return Sun(light.direction, light.color * light.intensity, diameter)
@@ -101,7 +101,7 @@ def surroundings_of(lighting: Lighting) -> Surroundings | None:
     """
     around = lighting.environment
     maps = () if around is None else (Map(around.pixels, around.rotation, np.full(3, around.intensity)),)
-    suns = tuple(Sun.of(x) for x in lighting.lights if isinstance(x, DirectionalLight | SunLight))
+    suns = tuple(Sun.of(x) for x in lighting.lights if isinstance(x, ParallelLight))
     return Surroundings(maps, suns) if maps or suns else None
 
 

@@ -18,16 +18,13 @@ from mirelight.base.errors import InputError
 from mirelight.io.atomic import atomic_path
 from mirelight.io.safety import read_file
 from mirelight.model import (
-    AreaLight,
+    LIGHT_CLASSES,
     Camera,
-    DirectionalLight,
     DisplaySettings,
     IesProfile,
     Light,
-    PointLight,
+    LightBase,
     RelightSettings,
-    SpotLight,
-    SunLight,
 )
 from mirelight.model.profiles import PROFILES
 from mirelight.store import fitting
@@ -35,7 +32,7 @@ from mirelight.store import fitting
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
 VERSION = 3
-_LIGHTS = {kind.__name__: kind for kind in (AreaLight, DirectionalLight, PointLight, SpotLight, SunLight)}
+_LIGHTS = {kind.__name__: kind for kind in LIGHT_CLASSES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +219,7 @@ def _packed(value: Any) -> Any:
             return {key: _packed(x) for key, x in value.items()}
         case IesProfile():
             return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
-        case AreaLight() | DirectionalLight() | PointLight() | SpotLight() | SunLight():
+        case LightBase():
             own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
             return {"type": type(value).__name__, **own}
         case (

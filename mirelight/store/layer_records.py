@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight import relighting
-from mirelight.model import F32, AreaLight, Camera, DirectionalLight, Environment, Light, Lighting, SkyModel, SunLight
+from mirelight.model import F32, Camera, Environment, Light, Lighting, SkyModel, SunLight
 from mirelight.model.lights import SKY, SUN, EstimatedSky
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import keys, requirements
@@ -20,8 +20,6 @@ from mirelight.pipeline.plan import Plan
 from mirelight.pipeline.requirements import Arrangement as Objects
 from mirelight.relighting.surroundings import shrunk
 from mirelight.store.layer_index import Around, Arrangement, Index, KeptObject, KeptSight, KeptView, UnitLight, Weighted
-
-_TEXT = {AreaLight: "area", DirectionalLight: "sun", SunLight: "sun"}
 
 
 def describe(plan: Plan) -> Index:
@@ -149,7 +147,7 @@ def _kind(unit: Unit) -> str:
         return "environment"
     if unit.sky is not None:
         return "sun" if unit.part == "sun" else "sky"
-    return _TEXT.get(type(unit.lights[0]), "lamp") if len(unit.lights) == 1 else "group"
+    return unit.lights[0].KIND.layer if len(unit.lights) == 1 else "group"
 
 
 # --- light from far away ---------------------------------------------------------------------------------------------

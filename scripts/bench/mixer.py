@@ -19,7 +19,6 @@ from mirelight.apps.mixer.first_light import STAGES
 from mirelight.apps.mixer.session import Session
 from mirelight.io import job as jobs
 from mirelight.model import F32
-from mirelight.model.lights import position_of
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
@@ -57,7 +56,7 @@ def run(chosen: argparse.Namespace) -> list[Table]:
         placed = [
             term
             for term in (t for x in job.lightings for t in terms(x))
-            if any(position_of(light) is not None for light in term.unit.lights)
+            if any(light.place is not None for light in term.unit.lights)
         ]
         made = mixing.MixLayers(
             names=tuple(term.layer for term in placed),
@@ -71,7 +70,7 @@ def run(chosen: argparse.Namespace) -> list[Table]:
         )
         stages = STAGES[:1] if chosen.first or chosen.quick else STAGES
         session = Noting(scene, made, stages)
-        where = position_of(placed[0].unit.lights[0])
+        where = placed[0].unit.lights[0].place
         assert where is not None
         rows = []
         for move in range(1 + (1 if chosen.quick else chosen.moves)):

@@ -24,7 +24,6 @@ from mirelight.cli import main
 from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
-from mirelight.model.lights import position_of
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import prepare
 
@@ -208,8 +207,8 @@ def test_news_of_before_a_move_do_not_put_a_light_back(seen: dict[str, Any]) -> 
 
 def test_the_saved_job_has_the_light_there(seen: dict[str, Any], folder: Path) -> None:
     saved = jobs.load(folder / "mix.toml")
-    np.testing.assert_allclose(position_of(saved.lightings[0].lights[0]) - seen["left"], 0, atol=1e-5)
-    np.testing.assert_array_equal(position_of(saved.lightings[1].lights[0]) - np.array([-1, 0.8, 0.5]), 0)
+    np.testing.assert_allclose(saved.lightings[0].lights[0].place - seen["left"], 0, atol=1e-5)
+    np.testing.assert_array_equal(saved.lightings[1].lights[0].place - np.array([-1, 0.8, 0.5]), 0)
     assert seen["again"] == seen["left"]
 
 

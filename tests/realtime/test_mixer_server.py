@@ -21,7 +21,6 @@ from mirelight.apps.mixer.session import Session, State, Traced
 from mirelight.apps.mixer.stills import Still, View
 from mirelight.base.errors import InputError
 from mirelight.io import job as jobs
-from mirelight.model.lights import position_of
 
 JOB = """
 splats = "splats.ply"
@@ -253,8 +252,8 @@ def test_the_job_is_saved_whole(asker: Asker) -> None:
     (lighting,) = job.lightings
     assert job.display.exposure == 1.5
     assert {k: v.tolist() for k, v in lighting.factors().items()} == {"other": [1, 0.5, 0]}  # in place of the job's
-    np.testing.assert_array_equal(cast(np.ndarray, position_of(lighting.lights[0])), [4, 5, 6])
-    np.testing.assert_array_equal(cast(np.ndarray, position_of(lighting.lights[1])), [0, 2, 0])
+    np.testing.assert_array_equal(cast(np.ndarray, lighting.lights[0].place), [4, 5, 6])
+    np.testing.assert_array_equal(cast(np.ndarray, lighting.lights[1].place), [0, 2, 0])
 
 
 @pytest.mark.parametrize(
@@ -296,8 +295,8 @@ def test_a_light_of_several_lightings_is_moved_in_all_of_them(folder: Path) -> N
     saved = Saved(jobs.parse(folder / "two.toml")[0])
     saved.save(b"[moved]\nlamp = [4, 5, 6]\n")
     day, night = jobs.load(saved.path).lightings
-    np.testing.assert_array_equal(cast(np.ndarray, position_of(day.lights[0])), [7, 8, 9])  # its own goes before
-    np.testing.assert_array_equal(cast(np.ndarray, position_of(night.lights[0])), [4, 5, 6])
+    np.testing.assert_array_equal(cast(np.ndarray, day.lights[0].place), [7, 8, 9])  # its own goes before
+    np.testing.assert_array_equal(cast(np.ndarray, night.lights[0].place), [4, 5, 6])
     with pytest.raises(InputError, match=r"moved\.day"):
         saved.save(b"[moved]\nday = [4, 5, 6]\n")
     saved.path.unlink()

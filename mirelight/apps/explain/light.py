@@ -18,19 +18,19 @@ from mirelight.lighting.visibility import Bool, ShadowRays
 from mirelight.model import (
     F32,
     F64,
-    AreaLight,
     Camera,
-    DirectionalLight,
     Environment,
     Light,
     Lighting,
     LightingBuffer,
     LightLayer,
+    ParallelLight,
     PointLight,
+    PosedLight,
     SpotLight,
-    SunLight,
     cones,
 )
+from mirelight.model.light_classes import punctual
 from mirelight.model.playcanvas_lights import EngineLighting
 
 _MAP = (128, 256)  # an environment's directions that its irradiance is summed over
@@ -140,7 +140,7 @@ def _offset(light: Light, position: F64, normal: F64, bias: float) -> F64:
     Along the normal; for omni lights the more, the further the light and the flatter its rays. Source: the shader
     chunks clusteredLightShadows and lightFunctionShadow.
     """
-    if not (isinstance(light, PointLight) or (isinstance(light, AreaLight) and light.shape == "sphere")):
+    if not isinstance(punctual(light), PointLight):
         return normal * bias
     towards = _centre(light)[:3] - position
     distance = np.linalg.norm(towards, axis=1)
@@ -150,27 +150,19 @@ def _offset(light: Light, position: F64, normal: F64, bias: float) -> F64:
 
 def _centre(light: Light) -> F64:
     """(4,) homogeneous place of a light."""
-    if isinstance(light, DirectionalLight | SunLight):
-        return np.append(-light.direction, 0.0)
-    return np.append(light.world_from_light[:3, 3] if isinstance(light, AreaLight) else light.position, 1.0)
+    return np.append(-light.direction, 0.0) if isinstance(light, ParallelLight) else np.append(light.place, 1.0)
 
 
 def _irradiance(light: Light, position: F64, normal: F64) -> F64:
-    """(N, 3) irradiance from a light at its centre (KHR_lights_punctual; area lights: radiance times seen area)."""
-    if isinstance(light, DirectionalLight | SunLight):
+    """(N, 3) irradiance from a light at its centre (KHR_lights_punctual; surfaces: radiance times seen area)."""
+    if isinstance(light, ParallelLight):
         return np.asarray(np.maximum(normal @ -light.direction, 0)[:, None] * light.color * light.intensity)
     towards = _centre(light)[:3] - position
     squared = np.maximum(np.einsum("ni,ni->n", towards, towards), 1e-12)
     towards = towards / np.sqrt(squared)[:, None]
     share = np.maximum(np.einsum("ni,ni->n", towards, normal), 0) / squared
-    if isinstance(light, AreaLight):
-        width, height = light.size
-        if light.shape == "sphere":
-            area = np.full(len(position), math.pi * (width / 2) ** 2)
-        else:
-            facing = np.maximum(towards @ light.world_from_light[:3, 2], 0)
-            area = width * height * (math.pi / 4 if light.shape == "disk" else 1.0) * facing
-        return np.asarray((share * area)[:, None] * light.color * light.intensity)
+    if isinstance(light, PosedLight):
+        return np.asarray((share * light.seen_area(-towards))[:, None] * light.color * light.intensity)
     if math.isfinite(light.range):
         share = share * np.clip(1 - squared**2 / light.range**4, 0, 1)
     if light.profile is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError, one_line, printable
 from mirelight.io.suffixes import GLTF, MESHES
-from mirelight.model import F64, Camera, Deferred, PointLight, ProxyMesh, SplatCloud, SplatLayer, SpotLight
+from mirelight.model import F64, Camera, Deferred, ProxyMesh, SplatCloud, SplatLayer
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import FileCamera
@@ -221,14 +221,14 @@ def of_file(path: Path, middle: F64) -> Lights | None:
         mean = float(np.average(colour.luminance(picture).mean(axis=1), weights=rows))
         return Lights(path, "panorama", 1 / mean) if mean > 0 else None
     if suffix in GLTF:
-        from mirelight.io.gltf.beyond import punctual
         from mirelight.io.gltf.scene import read_lights
+        from mirelight.model.light_classes import punctual
 
         total = 0.0
-        for light, _ in map(punctual, read_lights(path)):
+        for light in map(punctual, read_lights(path)):
             strength = light.intensity * float(colour.luminance(np.asarray(light.color)))
-            if isinstance(light, PointLight | SpotLight):
-                strength /= max(float(np.sum((light.position - middle) ** 2)), 1e-12)
+            if light.place is not None:
+                strength /= max(float(np.sum((light.place - middle) ** 2)), 1e-12)
             total += strength
         return Lights(path, "glTF", _SUN / total) if total > 0 else None
     return None

@@ -271,10 +271,9 @@ def light_facts(light: Light) -> LightFacts:
                 **facts,
             )
         case AreaLight():
-            pose = light.world_from_light
-            direction = None if light.shape == "sphere" else numbers(-pose[:3, 2])
+            direction = None if light.shape == "sphere" else numbers(light.way)
             facts |= {"shape": light.shape, "size": numbers(light.size), "direction": direction}
-            return LightFacts(type="area", position=numbers(pose[:3, 3]), **facts)
+            return LightFacts(type="area", position=numbers(light.place), **facts)
 
 
 def _reach(light: PointLight | SpotLight) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress
 from mirelight.lighting.layers import MAX_LAYERS
 from mirelight.model import F32, F64, Job, Lighting
-from mirelight.model.lights import position_of
 from mirelight.model.unit_lights import ALIKE, GLOW, LightSets, Unit, terms
 from mirelight.pipeline import requirements
 from mirelight.pipeline.prepared import Prepared
@@ -226,7 +225,7 @@ def _handles(lighting: Lighting, faders: list[Fader]) -> Iterator[Handle]:
     seen: Counter[str] = Counter()
     for light in lighting.lights:
         name = light.group or light.name
-        place = position_of(light)
+        place = light.place
         if place is not None:
             yield Handle(light.name, layers[name], seen[name], place)
         seen[name] += 1

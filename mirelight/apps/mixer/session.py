@@ -21,7 +21,6 @@ from mirelight.apps.mixer.stills import Still, Stills, View
 from mirelight.base.errors import MirelightError
 from mirelight.base.progress import counted
 from mirelight.model import F64, Job
-from mirelight.model.lights import moved_to
 from mirelight.model.unit_lights import Unit
 from mirelight.pipeline.scene import Scene
 
@@ -98,7 +97,7 @@ class Session:
             if not (0 <= layer < len(self._units) and 0 <= light < len(self._units[layer].lights)):
                 return None
             lights = list(self._units[layer].lights)
-            lights[light] = moved_to(lights[light], position)
+            lights[light] = lights[light].moved_to(position)
             self._units[layer] = Unit(lights=tuple(lights))
             self._moved[layer, light] = tuple(float(x) for x in position)
             self._wanted.pop(layer, None)
@@ -265,6 +264,6 @@ class Session:
         for one in job.lightings:
             mixed = next((x for x in self._layers.lightings if x.name == one.name), None)
             places = {} if mixed is None else {x.name: (x.layer, x.light) for x in mixed.handles}
-            lights = tuple(moved_to(x, moved[places[x.name]]) if places.get(x.name) in moved else x for x in one.lights)
+            lights = tuple(x.moved_to(moved[places[x.name]]) if places.get(x.name) in moved else x for x in one.lights)
             lightings.append(replace(one, lights=lights))
         return replace(job, lightings=tuple(lightings))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.png import png_bytes
 from mirelight.io.png import encode_display
-from mirelight.model import DirectionalLight, DisplaySettings, Lighting, SunLight, digest
+from mirelight.model import DisplaySettings, Lighting, ParallelLight, digest
 from mirelight.pipeline.scene import Scene
 from mirelight.relighting.surroundings import surroundings_of
 
@@ -31,7 +31,7 @@ class Around:
 
     def look(self, scene: Scene, lighting: Lighting, number: int) -> None:
         """Take an edit's lighting."""
-        suns = (x for x in lighting.lights if isinstance(x, SunLight | DirectionalLight))
+        suns = (x for x in lighting.lights if isinstance(x, ParallelLight))
         key = digest(lighting.environment, lighting.sky, *suns)
         if key != self._made_from:
             found = surroundings_of(scene.resolved(lighting))

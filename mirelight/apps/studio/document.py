@@ -21,7 +21,6 @@ from mirelight.io.job.write import text_of
 from mirelight.io.safety import existing, open_binary
 from mirelight.io.suffixes import SPLATS
 from mirelight.model import Job, Light
-from mirelight.model.lights import position_of
 
 SUFFIX = ".studio.toml"
 EDITED = (
@@ -190,7 +189,7 @@ def _named(data: dict[str, Any], job: Job) -> dict[str, Any]:
 
 
 def _placed(table: dict[str, Any], light: Light) -> dict[str, Any]:
-    place = position_of(light)
+    place = light.place
     return {**table, "name": light.name} | ({} if place is None else {"position": [float(x) for x in place]})
 
 

@@ -11,6 +11,7 @@ light. Read back, the light is what it was.
 | rectangle or disk of radiance L and area A | spot of L A candela with a half angle of 90 degrees | the same |
 | point or spot with a radius | itself | mirelight_radius (world units) |
 | spot of the engine's law | itself | mirelight_cone |
+| another glowing surface | point (or such a spot) of its brightest candela | mirelight_type, its fields |
 
 Intensities are the punctual light's, so that what another program makes of them counts.
 """
@@ -26,37 +27,47 @@ from numpy.typing import NDArray
 
 from mirelight.base import conventions
 from mirelight.io.gltf.fields import Fields
-from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
+from mirelight.model import (
+    AreaLight,
+    DirectionalLight,
+    Light,
+    PointLight,
+    PosedLight,
+    PunctualLight,
+    SpotLight,
+    SunLight,
+)
+from mirelight.model.light_classes import DESCRIBED, described_light, punctual
 
-Punctual: TypeAlias = DirectionalLight | PointLight | SpotLight
 Extras: TypeAlias = dict[str, Any]
 
 _DIAMETER, _RADIUS, _CONE = "mirelight_angular_diameter", "mirelight_radius", "mirelight_cone"
 _SHAPE, _SIZE = "mirelight_shape", "mirelight_size"
-_WIDEST = 90.0  # degrees of a sun
+_KIND, _OURS = "mirelight_type", "mirelight_"
 _SHAPES = ("rectangle", "disk", "sphere")
 
 
-def punctual(light: Light) -> tuple[Punctual, Extras]:
+def written(light: Light) -> tuple[PunctualLight, Extras]:
     """The punctual light nearest to a light, and what that lacks."""
+    plain = punctual(light)
     match light:
         case SunLight():
-            plain = DirectionalLight(
-                name=light.name, direction=light.direction, color=light.color, intensity=light.intensity
-            )
             return plain, {_DIAMETER: light.angular_diameter}
         case AreaLight():
-            return _of_area(light), {_SHAPE: light.shape, _SIZE: [float(x) for x in light.size]}
-        case DirectionalLight():
-            return light, {}
+            return plain, {_SHAPE: light.shape, _SIZE: [float(x) for x in light.size]}
         case PointLight() | SpotLight():
             extras: Extras = {_RADIUS: light.radius} if light.radius > 0 else {}
             if isinstance(light, SpotLight) and light.cone != "khr":
                 extras[_CONE] = light.cone
-            return light, extras
+            return plain, extras
+        case PosedLight():
+            own = {_OURS + x.name: float(getattr(light, x.name)) for x in light.KIND.fields}
+            return plain, {_KIND: light.KIND.name, **own}
+        case _:
+            return plain, {}
 
 
-def restored(plain: Punctual, light: Fields, world: NDArray[np.float64]) -> Light:
+def restored(plain: PunctualLight, light: Fields, world: NDArray[np.float64]) -> Light:
     """The light that was written as a punctual one; itself where its extras say nothing of it.
 
     Args:
@@ -71,11 +82,13 @@ def restored(plain: Punctual, light: Fields, world: NDArray[np.float64]) -> Ligh
     if not isinstance(values, dict):
         return plain
     extras = Fields(light.file, light.at("extras"), values)
+    if _KIND in extras and not isinstance(plain, DirectionalLight):
+        return _described(plain, extras, world)
     match plain:
         case DirectionalLight() if _DIAMETER in extras:
             degrees = extras.number(_DIAMETER)
-            if not 0 < degrees <= _WIDEST:
-                raise extras.fail(_DIAMETER, f"{degrees:g}", f"expected above 0, and not above {_WIDEST:g} degrees")
+            if wrong := SunLight.KIND.fields[0].wrong(degrees):
+                raise extras.fail(_DIAMETER, f"{degrees:g}", f"{wrong} degrees")
             return SunLight(
                 name=plain.name,
                 direction=plain.direction,
@@ -91,19 +104,20 @@ def restored(plain: Punctual, light: Fields, world: NDArray[np.float64]) -> Ligh
             return plain
 
 
-def _of_area(light: AreaLight) -> PointLight | SpotLight:
-    position = light.world_from_light[:3, 3]
-    candela = light.intensity * _area_of(light.shape, light.size)
-    if light.shape == "sphere":
-        return PointLight(name=light.name, position=position, color=light.color, intensity=candela)
-    return SpotLight(
-        name=light.name,
-        position=position,
-        direction=-light.world_from_light[:3, 2],
-        color=light.color,
-        intensity=candela,
-        outer_cone_angle=math.pi / 2,
-    )
+def _described(plain: PunctualLight, extras: Fields, world: NDArray[np.float64]) -> Light:
+    """A light of a class that is written by its record alone."""
+    name = extras.text(_KIND)
+    known = [x.KIND for x in DESCRIBED]
+    kind = next((x for x in known if x.name == name), None)
+    if kind is None:
+        raise extras.fail(_KIND, f"{name[:40]!r}", f"expected {', '.join(x.name for x in known)}")
+    values: dict[str, float] = {}
+    for one in kind.fields:
+        values[one.name] = extras.number(_OURS + one.name)
+        if wrong := one.wrong(values[one.name]):
+            raise extras.fail(_OURS + one.name, f"{values[one.name]:g}", wrong)
+    light = described_light(kind, plain.name, _rigid(extras, world), values, color=plain.color)
+    return replace(light, intensity=plain.intensity / punctual(light).intensity)
 
 
 def _area(plain: PointLight | SpotLight, extras: Fields, world: NDArray[np.float64]) -> AreaLight:
@@ -114,19 +128,22 @@ def _area(plain: PointLight | SpotLight, extras: Fields, world: NDArray[np.float
     if not (width > 0 and height > 0):
         raise extras.fail(_SIZE, f"{width:g} by {height:g}", "both must be positive")
     size = (width, height) if shape == "rectangle" else (width, width)
-    try:
-        pose = conventions.rigid_part(world)
-    except ValueError:
-        raise extras.fail("", "its node has no size, so the light has no direction") from None
     known = cast(Literal["rectangle", "disk", "sphere"], shape)
     return AreaLight(
         name=plain.name,
         shape=known,
-        world_from_light=pose,
+        world_from_light=_rigid(extras, world),
         size=size,
         color=plain.color,
         intensity=plain.intensity / _area_of(known, size),
     )
+
+
+def _rigid(extras: Fields, world: NDArray[np.float64]) -> NDArray[np.float64]:
+    try:
+        return conventions.rigid_part(world)
+    except ValueError:
+        raise extras.fail("", "its node has no size, so the light has no direction") from None
 
 
 def _lamp(plain: PointLight | SpotLight, extras: Fields) -> PointLight | SpotLight:

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.base import conventions
-from mirelight.io.gltf.beyond import Punctual, restored
+from mirelight.io.gltf.beyond import restored
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.names import unique_names
 from mirelight.io.gltf.nodes import Node
 from mirelight.io.safety import BRIGHTEST
-from mirelight.model import DirectionalLight, Light, PointLight, SpotLight
+from mirelight.model import DirectionalLight, Light, PointLight, PunctualLight, SpotLight
 
 EXTENSION = "KHR_lights_punctual"
 _AS_WRITTEN: Mapping[int, Mapping[str, object]] = {}
@@ -58,7 +58,7 @@ def _definition(lights: Sequence[Fields], user: Fields, values: Mapping[int, Map
     return replace(light, values=changed)
 
 
-def _light(light: Fields, node: Node, name: str) -> Punctual:
+def _light(light: Fields, node: Node, name: str) -> PunctualLight:
     color, intensity = light.vector("color", 3, (1, 1, 1)), light.number("intensity", 1.0)
     if np.any(color < 0) or np.any(color > 1):
         raise light.fail("color", f"{color.tolist()}", "every component must lie in 0..1; scale the intensity instead")

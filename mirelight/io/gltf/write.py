@@ -17,15 +17,15 @@ from mirelight.base import conventions
 from mirelight.base.errors import OutputError
 from mirelight.base.version import __version__
 from mirelight.io.atomic import atomic_path
-from mirelight.io.gltf.beyond import punctual
+from mirelight.io.gltf.beyond import written
 from mirelight.io.gltf.material_entries import material_entry, wrap_numbers
 from mirelight.model import (
-    AreaLight,
     Camera,
     DirectionalLight,
     Light,
     Material,
     PointLight,
+    PosedLight,
     ProxyMesh,
     SpotLight,
     Wraps,
@@ -172,10 +172,10 @@ class GlbBuilder:
 
     def add_light(self, light: Light) -> None:
         check_light(self.path, light)
-        plain, extras = punctual(light)
+        plain, extras = written(light)
         entry: dict[str, Any] = {"name": plain.name, "color": plain.color.tolist(), "intensity": plain.intensity}
-        pose = light.world_from_light.copy() if isinstance(light, AreaLight) else np.eye(4)
-        if not isinstance(light, AreaLight) and not isinstance(plain, PointLight):
+        pose = light.world_from_light.copy() if isinstance(light, PosedLight) else np.eye(4)
+        if not isinstance(light, PosedLight) and not isinstance(plain, PointLight):
             pose[:3, :3] = _rotation_along(plain.direction)
         if isinstance(plain, DirectionalLight):
             entry["type"] = "directional"

@@ -18,7 +18,6 @@ from mirelight.io.job import (
     mixing,
     moments,
     moving,
-    placing,
     sweep,
 )
 from mirelight.io.job.assets import Assets
@@ -279,7 +278,7 @@ def _of_proxy(table: JobTable, assets: Assets) -> tuple[Lighting, ...]:
     is_silent = not {"lights", "lights_from", "environment", "lightings"} & table.model_fields_set
     if is_silent and table.proxy is not None and table.proxy.path.lower().endswith(SCENES):
         found, m = assets.scene_lights(PROXY)
-        lights = lighting.unique([placing.placed_light(light, m) for light in found])
+        lights = lighting.unique([light.carried(m) for light in found])
     return (Lighting(name="lighting", lights=lights),) if lights else ()
 
 

@@ -10,11 +10,6 @@ from mirelight.io.job.write import light_table
 from mirelight.model import Lighting
 
 _UNITS = {
-    "sun.intensity": "lux",
-    "directional.intensity": "lux",
-    "point.intensity": "candela",
-    "spot.intensity": "candela",
-    "area.intensity": "cd/m²",
     "direction": "the way its light travels",
     "angular_diameter": "degrees",
 }
@@ -34,9 +29,9 @@ def captured_text(lighting: Lighting, picture: str, notes: Iterable[str]) -> str
         if not light.intensity > 0:
             continue
         lines += ["", "[[captured.lights]]"]
-        table = light_table(replace(light, group=None))
-        for key, value in table.items():
-            unit = _UNITS.get(key) or _UNITS.get(f"{table['type']}.{key}")
+        units = {**_UNITS, "intensity": light.KIND.unit.name}
+        for key, value in light_table(replace(light, group=None)).items():
+            unit = units.get(key)
             lines.append(f"{key} = {_value(value)}{f'  # {unit}' if unit else ''}")
     return "\n".join(lines) + "\n"
 

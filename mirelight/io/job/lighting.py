@@ -26,7 +26,7 @@ from mirelight.io.job.light_kinds import AnyLight, PlayCanvasTable
 from mirelight.io.job.light_tables import LightsFromTable, LightUnit, Lit
 from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.moon import MoonTable
-from mirelight.io.job.placing import environment_rotation, matrix, placed_light
+from mirelight.io.job.placing import environment_rotation, matrix
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import EnvironmentTable
 from mirelight.io.job.sun_position import to_sun
@@ -140,7 +140,7 @@ def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[
     found, default = files.scene_lights(table.path, table.unit, time)
     m = matrix(table.transform) if table.transform else default
     chosen = choose([x.name for x in found], table.names, at, "light", table.path, wrong)
-    lights = [placed_light(_with_cone(found[i], table.cone), m) for i in chosen]
+    lights = [_with_cone(found[i], table.cone).carried(m) for i in chosen]
     return [
         replace(light, intensity=light.intensity * table.intensity, group=table.group or light.group)
         for light in lights

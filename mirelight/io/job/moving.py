@@ -14,7 +14,6 @@ from mirelight.io.job.mixing import MOST_NAMES, by_lighting, of_values
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import shown
 from mirelight.model import Lighting
-from mirelight.model.lights import moved_to, position_of
 
 _POINT = {
     "type": "array",
@@ -49,11 +48,11 @@ def moved(lightings: tuple[Lighting, ...], table: dict[str, Any], wrong: list[Mi
     """The lightings with lights where the table puts them; names that nothing has are added to `wrong`."""
     if not table:
         return lightings
-    places = {x.name: [light.name for light in x.lights if position_of(light) is not None] for x in lightings}
+    places = {x.name: [light.name for light in x.lights if light.place is not None] for x in lightings}
     given = by_lighting("moved", table, places, "light with a position", wrong)
     out: list[Lighting] = []
     for one in lightings:
         there = dict(given[one.name])
-        lights = tuple(moved_to(x, there[x.name]) if x.name in there else x for x in one.lights)
+        lights = tuple(x.moved_to(there[x.name]) if x.name in there else x for x in one.lights)
         out.append(replace(one, lights=lights) if there else one)
     return tuple(out)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.job.scene_tables import Transform
-from mirelight.model import AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight
 
 
 def matrix(transform: Transform) -> Matrix:
@@ -27,23 +24,6 @@ def matrix(transform: Transform) -> Matrix:
 def is_identity(m: Matrix) -> bool:
     """True where the matrix changes nothing."""
     return bool(np.array_equal(m, np.eye(4)))
-
-
-def placed_light(light: Light, m: Matrix) -> Light:
-    """The light carried through a matrix: place and direction move; range, radius and intensity stay, as in KHR."""
-    match light:
-        case DirectionalLight() | SunLight():
-            return replace(light, direction=m[:3, :3] @ light.direction)
-        case PointLight():
-            return replace(light, position=_moved(m, light.position))
-        case SpotLight():
-            return replace(light, position=_moved(m, light.position), direction=m[:3, :3] @ light.direction)
-        case AreaLight():
-            return replace(light, world_from_light=conventions.rigid_part(m @ light.world_from_light))
-
-
-def _moved(m: Matrix, point: Matrix) -> Matrix:
-    return np.asarray(m[:3, :3] @ point + m[:3, 3])
 
 
 def environment_rotation(rotation: float, orientation: str) -> float:

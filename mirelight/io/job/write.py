@@ -22,6 +22,7 @@ from mirelight.model import (
     Light,
     Lighting,
     PointLight,
+    PosedLight,
     SpotLight,
     SunLight,
 )
@@ -165,6 +166,10 @@ def light_table(light: Light) -> dict[str, Any]:
             ways = {"direction": _floats(-pose[:3, 2]), "up": _floats(pose[:3, 1])} if light.shape != "sphere" else {}
             shape = {"shape": light.shape, "position": _floats(pose[:3, 3]), "size": [float(x) for x in light.size]}
             return common | {"type": "area"} | shape | ways
+        case PosedLight():
+            place = {"position": _floats(light.place), "direction": _floats(light.way)}
+            own = {x.name: float(getattr(light, x.name)) for x in light.KIND.fields}
+            return common | {"type": light.KIND.name} | place | own
 
 
 def _reach(light: PointLight | SpotLight) -> dict[str, float]:

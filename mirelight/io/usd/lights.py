@@ -26,6 +26,7 @@ from mirelight.io.usd.rows import LightRow, Request
 from mirelight.model import (
     F32,
     F64,
+    LIGHT_CLASSES,
     AreaLight,
     DirectionalLight,
     IesProfile,
@@ -38,7 +39,7 @@ from mirelight.model.ies import AROUND, DOWN
 
 _FACETS = 32  # of a cylinder: its irradiance is within 0.25 % of a round one's
 _CELLS = 8  # along each side of a textured rectangle
-_MODELS: dict[str, Any] = {x.__name__: x for x in (DirectionalLight, PointLight, SpotLight, SunLight, AreaLight)}
+_MODELS: dict[str, Any] = {x.__name__: x for x in LIGHT_CLASSES}
 _EDGE = 1e-6  # rad: inner and outer half angle of a hard cone are this far apart
 
 

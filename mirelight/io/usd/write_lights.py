@@ -21,14 +21,18 @@ from mirelight.model import (
     Environment,
     Light,
     PointLight,
+    PosedLight,
     SpotLight,
     SunLight,
 )
+from mirelight.model.light_classes import punctual
 
 _FILM = 0.24  # tenths of a metre high, of cameras: 24 mm
 _CODES = 24.0  # time codes a second
 _RENDER = "/Render"  # where OpenUSD looks for what is to be rendered
 _NO_FRAMES: Mapping[str, str] = MappingProxyType({})
+# A prim whose X axis stands where -Z of a light's pose is.
+_X_AIMED = np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1.0]])
 _KINDS = {"rectangle": "RectLight", "disk": "DiskLight", "sphere": "SphereLight"}
 
 
@@ -55,8 +59,26 @@ def add_light(writer: StageWriter, light: Light) -> None:
                 _inputs(prim, width=light.size[0], height=light.size[1])
             else:
                 _inputs(prim, radius=light.size[0] / 2)
+        case PosedLight():
+            _surface(writer, light)
+            return
     if getattr(light, "profile", None) is None:
         keep(prim, _described(light))
+
+
+def _surface(writer: StageWriter, light: PosedLight) -> None:
+    """A lamp of a class that its record describes: as the prim that it names, else as a point."""
+    usd = light.KIND.usd
+    if usd is None:
+        plain = punctual(light)
+        assert isinstance(plain, PointLight)
+        prim = _prim(writer, light, "SphereLight", light.world_from_light)
+        _ball(prim, plain.intensity, 0.0)
+    else:
+        pose = light.world_from_light
+        prim = _prim(writer, light, usd.name, pose @ _X_AIMED if usd.axis == "X" else pose)
+        _inputs(prim, intensity=light.intensity, **{x.name: float(getattr(light, x.name)) for x in light.KIND.fields})
+    keep(prim, _described(light))
 
 
 def add_environment(writer: StageWriter, environment: Environment) -> None:

@@ -8,7 +8,6 @@ import pytest
 from mirelight.base.errors import InputError
 from mirelight.io import job
 from mirelight.model import AreaLight, PointLight, SpotLight
-from mirelight.model.lights import position_of
 
 from .conftest import WriteJob
 
@@ -45,7 +44,7 @@ def test_lights_are_elsewhere_and_else_as_they_were(write_job: WriteJob) -> None
         TWO + "[moved]\nlamp = [1, 2, 3]\n[moved.night]\nlamp = [4, 5, 6]\ntorch = [7, 8, 9]\nwindow = [0, 0, 9]\n"
     )
     moved = job.load(path)
-    places = [{x.name: position_of(x) for x in one.lights} for one in moved.lightings]
+    places = [{x.name: x.place for x in one.lights} for one in moved.lightings]
     np.testing.assert_array_equal(places[0]["lamp"], [1, 2, 3])
     np.testing.assert_array_equal(places[1]["lamp"], [4, 5, 6])
     for before, after in zip(plain.lightings[1].lights, moved.lightings[1].lights, strict=True):
@@ -60,7 +59,7 @@ def test_lights_are_elsewhere_and_else_as_they_were(write_job: WriteJob) -> None
     assert plain.captured is not None and moved.captured is not None
     lamps = [next(x for x in one.lights if x.name == "lamp") for one in (plain.captured, moved.captured)]
     assert all(isinstance(x, PointLight) for x in lamps)
-    np.testing.assert_array_equal(position_of(lamps[0]), position_of(lamps[1]))
+    np.testing.assert_array_equal(lamps[0].place, lamps[1].place)
 
 
 @pytest.mark.parametrize(

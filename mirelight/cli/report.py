@@ -226,6 +226,7 @@ def _light(facts: LightFacts, *, unknown: bool = False) -> str:
     parts = [f"{facts.name}: {facts.type}", *(["as strong as the splats tell"] if unknown else strength)]
     if facts.shape is not None and facts.size is not None:
         parts.insert(1, f"{facts.shape} {_vector(facts.size)}")
+    parts[1:1] = [f"{x.name} {x.value:.4g}" for x in facts.own]
     if facts.position is not None:
         parts.append(f"at {_vector(facts.position)}")
     if facts.direction is not None:

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.lights import ALL_LIGHTS, Kind, pack
+from mirelight.lighting.lights import ALL_LIGHTS, Kind, brightness, pack
 from mirelight.model import F64, Light, PointLight, SpotLight
 
 FEWER = (ALL_LIGHTS, 4, 1)  # picks where all at every hit are too many: light that bounces often is faint
@@ -101,9 +101,7 @@ def _brightest_first(
 ) -> NDArray[np.uint32]:
     """Each list by how bright its lights may be at about the middle of the cell; only noise depends on the order."""
     table = pack(lights)[: max(len(lights), 2)]
-    strength = table[:, 8:11].mean(axis=1)
-    area = np.isin(table[:, 3], (Kind.RECTANGLE, Kind.DISK))
-    strength = np.where(area, strength * 4 * table[:, 15] * table[:, 19], strength)
+    strength = brightness(table)
     far = np.isin(table[:, 3], (Kind.DIRECTIONAL, Kind.SUN))[items]
     place = np.repeat(np.arange(len(starts) - 1), (starts[1:] - starts[:-1]).astype(np.int64))
     index = np.stack(np.unravel_index(place, resolution), axis=-1)

@@ -22,6 +22,7 @@ from mirelight.model import (
     PointLight,
     SpotLight,
     SunLight,
+    TubeLight,
     cones,
     digest,
 )
@@ -44,6 +45,7 @@ class Kind(IntEnum):
     SPHERE = 4
     RECTANGLE = 5
     DISK = 6
+    TUBE = 7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,6 +109,15 @@ def _row(light: Light) -> _Row:
             return row if light.profile is None else _with_profile(row, light.profile)
         case AreaLight():
             return _area_row(light)
+        case TubeLight():
+            return _Row(
+                kind=Kind.TUBE,
+                position=light.place,
+                axis=light.way,
+                radius=light.radius,
+                strength=strength,
+                x=(np.zeros(3), light.length / 2),
+            )
         case _:
             assert_never(light)
 
@@ -155,6 +166,14 @@ def pack(lights: tuple[Light, ...]) -> F32:
                 profiles.append(np.append(flat, np.zeros(-len(flat) % ROW)).reshape(-1, ROW))
             row[-1] = places[known]
     return np.concatenate([np.asarray(rows), *profiles]).astype(np.float32)
+
+
+def brightness(table: F32) -> F32:
+    """(N,) candela, or lux of what is far away, that a row may have at most, of rows (N, ROW), by colour on average."""
+    kind, strength = table[:, 3], table[:, 8:11].mean(axis=1)
+    flat = np.isin(kind, (Kind.RECTANGLE, Kind.DISK))
+    strength = np.where(flat, strength * 4 * table[:, 15] * table[:, 19], strength)
+    return np.asarray(np.where(kind == Kind.TUBE, strength * 4 * table[:, 7] * table[:, 15], strength))
 
 
 def seeds(lights: tuple[Light, ...]) -> NDArray[np.uint32]:

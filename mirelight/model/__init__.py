@@ -27,6 +27,7 @@ from mirelight.model.light_classes import (
     PunctualLight,
     SpotLight,
     SunLight,
+    TubeLight,
 )
 from mirelight.model.light_kinds import LightBase, LightKind, PosedLight
 from mirelight.model.lights import Environment, EstimatedSky, LayerFactor, Lighting, SkyModel
@@ -123,6 +124,7 @@ __all__ = [
     "SurfaceCells",
     "SurfaceTransport",
     "ToneCurve",
+    "TubeLight",
     "Variant",
     "Wrap",
     "Wraps",

@@ -18,6 +18,7 @@ from mirelight.model import (
     Light,
     Lighting,
     PointLight,
+    PosedLight,
     SkyModel,
     SpotLight,
     SunLight,
@@ -37,6 +38,14 @@ class Bounds:
 
     low: Numbers  # (3,)
     high: Numbers  # (3,)
+
+
+@dataclass(frozen=True, slots=True)
+class FieldFacts:
+    """A number of a light, in the unit of the job file."""
+
+    name: str
+    value: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +68,7 @@ class LightFacts:
     shape: str | None = None
     size: Numbers | None = None
     animated: bool = False
+    own: tuple[FieldFacts, ...] = ()  # of kinds that their record describes: its fields
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,6 +284,10 @@ def light_facts(light: Light) -> LightFacts:
             direction = None if light.shape == "sphere" else numbers(light.way)
             facts |= {"shape": light.shape, "size": numbers(light.size), "direction": direction}
             return LightFacts(type="area", position=numbers(light.place), **facts)
+        case PosedLight():
+            own = tuple(FieldFacts(x.name, rounded(getattr(light, x.name))) for x in light.KIND.fields)
+            place = {"position": numbers(light.place), "direction": numbers(light.way)}
+            return LightFacts(type=light.KIND.name, own=own, **place, **facts)
 
 
 def _reach(light: PointLight | SpotLight) -> dict[str, Any]:

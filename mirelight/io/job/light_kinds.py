@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, Union, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from mirelight.io.job.described_tables import DESCRIBED_TABLES, DescribedTable
 from mirelight.io.job.fields import Direction, DisplayColor, NotNegative, Positive, Vec3, wrong
 from mirelight.io.job.lamp_tables import (
     TARGET,
@@ -87,13 +88,26 @@ def _light_type(value: Any) -> str | None:
     return f"type={kind}" if isinstance(kind, str) else None
 
 
-AnyLight: TypeAlias = Annotated[
-    Annotated[DirectionalTable, Tag("type=directional")]
-    | Annotated[PointTable, Tag("type=point")]
-    | Annotated[SpotTable, Tag("type=spot")]
-    | Annotated[SunTable, Tag("type=sun")]
-    | Annotated[MoonTable, Tag("type=moon")]
-    | Annotated[AreaTable, Tag("type=area")]
-    | Annotated[PlayCanvasTable, Tag("type=playcanvas")],
-    Discriminator(_light_type),
-]
+_TABLES = (
+    DirectionalTable,
+    PointTable,
+    SpotTable,
+    SunTable,
+    MoonTable,
+    AreaTable,
+    PlayCanvasTable,
+    *DESCRIBED_TABLES,
+)
+
+
+def _tag(table: type[LightTable]) -> str:
+    """What `_light_type` says of a table of this type."""
+    return f"type={get_args(table.model_fields['type'].annotation)[0]}"
+
+
+if TYPE_CHECKING:
+    AnyLight: TypeAlias = (
+        DirectionalTable | PointTable | SpotTable | SunTable | MoonTable | AreaTable | PlayCanvasTable | DescribedTable
+    )
+else:
+    AnyLight = Annotated[Union[tuple(Annotated[x, Tag(_tag(x))] for x in _TABLES)], Discriminator(_light_type)]  # noqa: UP007

@@ -54,6 +54,15 @@ AreaUnit: TypeAlias = Annotated[
         ],
     ),
 ]
+SurfaceUnit: TypeAlias = Annotated[
+    Literal["nit", "candela", "lumen"],
+    BeforeValidator(
+        _named,
+        json_schema_input_type=Literal[
+            "nit", "candela", "lumen", "nits", "cd/m²", "cd/m2", "cd", "candelas", "lm", "lumens"
+        ],
+    ),
+]
 Shape: TypeAlias = Literal["rectangle", "disk", "sphere"]
 
 
@@ -61,7 +70,7 @@ def candela(value: float, unit: LampUnit, solid_angle: float = 4 * math.pi) -> f
     """Luminous intensity of a lamp on its axis; `solid_angle` (sr) is what its lumens go to."""
     if unit == "candela":
         return value
-    return _shared(value, 4 * math.pi if unit == "watt" else solid_angle, "cd")
+    return shared_among(value, 4 * math.pi if unit == "watt" else solid_angle, "cd")
 
 
 def nits(value: float, unit: AreaUnit, shape: Shape, size: tuple[float, float]) -> float:
@@ -71,10 +80,11 @@ def nits(value: float, unit: AreaUnit, shape: Shape, size: tuple[float, float]) 
     area = size[0] * size[1] * (1.0 if shape == "rectangle" else math.pi / 4)  # of what is seen along the axis
     if unit != "candela":  # Lambert: pi times the whole surface, which of a ball is four times its silhouette
         area *= 4 * math.pi if shape == "sphere" else math.pi
-    return _shared(value, area, "cd/m²")
+    return shared_among(value, area, "cd/m²")
 
 
-def _shared(value: float, among: float, unit: str) -> float:
+def shared_among(value: float, among: float, unit: str) -> float:
+    """An intensity that is shared among so many sr or square world units, in `unit`. Raises what `wrong` makes."""
     found = 0.0 if value == 0 else value / among if among > 0 else math.inf
     if found > BRIGHTEST:
         raise wrong(f"{found:.3g} {unit}, more than {BRIGHTEST:g}", "give less, or a larger light", at="intensity")

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.io.ies import IesFile
+from mirelight.io.job.described_tables import DescribedTable
 from mirelight.io.job.lamp_tables import (
     AreaTable,
     ConeName,
@@ -192,6 +193,8 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
             return _point_light(table, name, files)
         case SpotTable():
             return _spot_light(table, name, files)
+        case DescribedTable():
+            return table.light(name)
         case AreaTable():
             pose = conventions.compose(table.position)
             if table.shape != "sphere":

@@ -2,7 +2,7 @@
 
 UsdLux gives luminance, after `intensity`, `exposure`, `normalize` and the rest (schema documentation of LightAPI); so
 what faces a light is lit by the luminance times the projected solid angle. What lamps here do not have is put together:
-a cylinder of narrow rectangles, a textured rectangle of small ones, shaped lights as points with a table of directions.
+a textured rectangle of small ones, shaped lights as points with a table of directions.
 """
 
 from __future__ import annotations
@@ -36,10 +36,12 @@ from mirelight.model import (
     SunLight,
 )
 from mirelight.model.ies import AROUND, DOWN
+from mirelight.model.light_classes import DESCRIBED, described_light
 
-_FACETS = 32  # of a cylinder: its irradiance is within 0.25 % of a round one's
 _CELLS = 8  # along each side of a textured rectangle
 _MODELS: dict[str, Any] = {x.__name__: x for x in LIGHT_CLASSES}
+# A prim whose X axis stands where -Z of a light's pose is.
+X_AIMED = np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1.0]])
 _EDGE = 1e-6  # rad: inner and outer half angle of a hard cone are this far apart
 
 
@@ -113,8 +115,11 @@ def _lamps(read: Read, row: LightRow, name: str) -> list[Light]:
         return [_area(name, "sphere", pose, (2 * row.size[0],) * 2, color, strength)]
     if row.kind == "DiskLight":
         return [_area(name, "disk", pose, (2 * row.size[0],) * 2, color, strength)]
-    if row.kind == "CylinderLight":
-        return _cylinder(name, pose, row, color, strength)
+    for described in (x.KIND for x in DESCRIBED):
+        if described.usd is not None and described.usd.name == row.kind:
+            own = {x.name: value for x, value in zip(described.fields, row.size, strict=True)}  # in the fields' order
+            pose = pose @ X_AIMED.T if described.usd.axis == "X" else pose
+            return [described_light(described, name, pose, own, color=color, intensity=strength)]
     return _rectangle(read, name, pose, row, color, strength)
 
 
@@ -147,24 +152,6 @@ def _area(
         intensity=strength,
         group=group,
     )
-
-
-def _cylinder(name: str, pose: F64, row: LightRow, color: F64, strength: float) -> list[Light]:
-    """Rectangles around the axis X that shine outward; together as wide, seen from all sides, as the cylinder."""
-    length, radius = row.size
-    width = 2 * math.pi * radius / _FACETS
-    away = width / (2 * math.tan(math.pi / _FACETS))
-    out = list[Light]()
-    for k in range(_FACETS):
-        angle = 2 * math.pi * k / _FACETS
-        outward = np.array([0.0, math.cos(angle), math.sin(angle)])
-        own = np.eye(4)
-        own[:3, 0], own[:3, 2] = (1, 0, 0), -outward
-        own[:3, 1] = np.cross(own[:3, 2], own[:3, 0])
-        own[:3, 3] = away * outward
-        one = f"{name}.{k + 1}"
-        out.append(_area(one, "rectangle", pose @ own, (length, width), color, strength, name))
-    return out
 
 
 def _rectangle(read: Read, name: str, pose: F64, row: LightRow, color: F64, strength: float) -> list[Light]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mirelight.base import conventions
 from mirelight.io.usd.exact import keep
+from mirelight.io.usd.lights import X_AIMED
 from mirelight.io.usd.write import StageWriter
 from mirelight.model import (
     F64,
@@ -31,8 +32,6 @@ _FILM = 0.24  # tenths of a metre high, of cameras: 24 mm
 _CODES = 24.0  # time codes a second
 _RENDER = "/Render"  # where OpenUSD looks for what is to be rendered
 _NO_FRAMES: Mapping[str, str] = MappingProxyType({})
-# A prim whose X axis stands where -Z of a light's pose is.
-_X_AIMED = np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1.0]])
 _KINDS = {"rectangle": "RectLight", "disk": "DiskLight", "sphere": "SphereLight"}
 
 
@@ -76,7 +75,7 @@ def _surface(writer: StageWriter, light: PosedLight) -> None:
         _ball(prim, plain.intensity, 0.0)
     else:
         pose = light.world_from_light
-        prim = _prim(writer, light, usd.name, pose @ _X_AIMED if usd.axis == "X" else pose)
+        prim = _prim(writer, light, usd.name, pose @ X_AIMED if usd.axis == "X" else pose)
         _inputs(prim, intensity=light.intensity, **{x.name: float(getattr(light, x.name)) for x in light.KIND.fields})
     keep(prim, _described(light))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -20,6 +22,23 @@ _WIDE = 0.02  # sr; narrower rectangles are sampled by area: single precision fa
 SHADOW_END = (
     1.0 - 2.0**-10
 )  # how far a shadow ray goes to its light, so that a lamp on a wall is not in the wall's shadow
+
+
+class _Tube(NamedTuple):
+    """A glowing tube as a point sees it."""
+
+    axis: Vector3f
+    radius: Float
+    radiance: Vector3f
+    toward: Vector3f  # unit, from the point to the axis, across it
+    away: Float  # distance to the axis
+    low: Float  # where the tube begins and ends along the axis, from the point
+    high: Float
+
+    def strip(self, sine: Float, cosine: Float) -> tuple[Float, Float, Float]:
+        """Of the strip at an angle around the axis: its distance across the axis, the sines of its ends' elevations."""
+        near = self.away * cosine - dr.safe_sqrt(dr.square(self.radius) - dr.square(self.away * sine))
+        return near, self.low * dr.rsqrt(self.low**2 + near**2), self.high * dr.rsqrt(self.high**2 + near**2)
 
 
 class LightSet:
@@ -226,6 +245,47 @@ def _area_met(
     return distance, radiance, dr.select(inside & (z0 < 0) & (slant < -1e-6), 1 / solid, 0)
 
 
+def _tube(table: Float, row: UInt32, position: Vector3f, p: Vector3f) -> _Tube:
+    axis, radius = _group(table, row, 1)
+    radiance, _ = _group(table, row, 2)
+    _, half = _group(table, row, 3)
+    to_centre = position - p
+    along = dr.dot(to_centre, axis)
+    across = to_centre - axis * along
+    away = dr.norm(across)
+    return _Tube(axis, radius, radiance, across / away, away, along - half, along + half)
+
+
+def _tube_sample(table: Float, row: UInt32, position: Vector3f, p: Vector3f, u: Point2f) -> LightSample:
+    """A direction to a glowing tube, drawn by its angle around the axis, then evenly over the solid angle of the strip
+    of the tube that lies there: (way, distance, irradiance / cos).
+
+    With alpha the angle in the plane across the axis and s the sine of the elevation from that plane, a solid angle is
+    d alpha d s (Archimedes), so the estimate is radiance times the widths of both.
+    """
+    tube = _tube(table, row, position, p)
+    widest = dr.safe_asin(tube.radius / tube.away)
+    sine, cosine = dr.sincos((2 * u.x - 1) * widest)
+    near, low, high = tube.strip(sine, cosine)
+    s = dr.lerp(low, high, u.y)
+    flat = dr.safe_sqrt(1 - s * s)
+    way = (tube.toward * cosine + dr.cross(tube.axis, tube.toward) * sine) * flat + tube.axis * s
+    solid = dr.select(tube.away > tube.radius, 2 * widest * (high - low), 0)  # nothing inside the tube
+    return way, near / flat, tube.radiance * solid
+
+
+def _tube_met(table: Float, row: UInt32, position: Vector3f, p: Vector3f, d: Vector3f) -> tuple[Float, Vector3f, Float]:
+    """`met` of a glowing tube."""
+    tube = _tube(table, row, position, p)
+    s = dr.dot(d, tube.axis)
+    flat = dr.safe_sqrt(1 - s * s)
+    sine, cosine = dr.dot(d, dr.cross(tube.axis, tube.toward)) / flat, dr.dot(d, tube.toward) / flat
+    near, low, high = tube.strip(sine, cosine)
+    inside = (abs(sine) * tube.away <= tube.radius) & (cosine > 0) & (s >= low) & (s <= high)
+    solid = 2 * dr.safe_asin(tube.radius / tube.away) * (high - low)
+    return near / flat, tube.radiance, dr.select(inside & (tube.away > tube.radius), 1 / solid, 0)
+
+
 @dr.syntax
 def met(table: Float, row: UInt32, p: Vector3f, d: Vector3f) -> tuple[Float, Vector3f, Float]:
     """A light as a ray from p along unit d meets it.
@@ -237,7 +297,9 @@ def met(table: Float, row: UInt32, p: Vector3f, d: Vector3f) -> tuple[Float, Vec
     position, kind = _group(table, row, 0)
     p = mi.Vector3f(p)
     distance, radiance, drawn = mi.Float(0), mi.Vector3f(0), mi.Float(0)
-    if kind > float(Kind.SPHERE):
+    if kind > float(Kind.DISK):
+        distance, radiance, drawn = _tube_met(table, row, position, p, d)
+    elif kind > float(Kind.SPHERE):
         distance, radiance, drawn = _area_met(table, row, position, kind, p, d)
     elif kind > float(Kind.SPOT):
         distance, radiance, drawn = _cone_met(table, row, position, kind, p, d)
@@ -267,7 +329,9 @@ def sample(table: Float, row: UInt32, p: Vector3f, n: Vector3f, index: UInt32, s
         u = pair(index, seed)
         if kind <= float(Kind.SPHERE):
             wi, distance, irradiance = _cone_sample(table, row, position, kind, p, u)
-        else:
+        elif kind <= float(Kind.DISK):
             wi, distance, irradiance = _area_sample(table, row, position, kind, p, u)
+        else:
+            wi, distance, irradiance = _tube_sample(table, row, position, p, u)
     cosine = dr.dot(wi, n)  # not a number where the point lies on the light: no light then
     return wi, distance * SHADOW_END, dr.select(cosine > 0, irradiance * cosine, 0)

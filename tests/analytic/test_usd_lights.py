@@ -11,7 +11,9 @@ import pytest
 
 from mirelight.base.errors import InputError
 from mirelight.io.usd.lights import UsdLights, read_lights
-from mirelight.model import F64, AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight, cones
+from mirelight.model import F64, AreaLight, DirectionalLight, Light, PointLight, SpotLight, SunLight, TubeLight, cones
+
+from .test_tube import facets
 
 sys.path.append(str(Path(__file__).parents[2] / "scripts"))
 pytest.importorskip("pxr")
@@ -41,6 +43,8 @@ def _irradiance(light: Light, way: F64, far: float) -> float:
             return strength * share / far**2
         case AreaLight(shape="sphere"):
             return strength * math.pi * (light.size[0] / 2 / far) ** 2
+        case TubeLight():
+            return strength * sum(_projected(x, point, way) for x in facets(light, 64))
         case AreaLight():
             return strength * _projected(light, point, way)
 

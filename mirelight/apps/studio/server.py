@@ -23,6 +23,7 @@ from mirelight.apps.studio.document import MOST_BYTES, edits_of
 from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
+from mirelight.model.light_classes import DESCRIBED, LIGHT_CLASSES
 
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
 _UPLOAD, _OBJECT, _OPEN = "live/upload/", "live/object/", "live/open/"
@@ -59,10 +60,28 @@ def serving(desk: Desk, port: int = 0) -> Iterator[str]:
     installed = engine.install()
     pages = {x.name: x.read_bytes() for x in resources.files(__package__).joinpath("page").iterdir()}
     pages |= {name: bundle.page_file(name) for name in _MIXERS}
+    pages["lights.mjs"] = f"export const LIGHTS = {json.dumps(_kinds(), ensure_ascii=False)};\n".encode()
     pages |= {f"engine/{name}": (installed / name).read_bytes() for name in engine.FILES.values()}
     handler = partial(_Page, folder=desk.folder.resolve(), pages=pages, desk=desk)
     with answering(handler, port) as address:
         yield f"{address}/index.html"
+
+
+def _kinds() -> dict[str, Any]:
+    """By type what a page shows of a light: the unit of its intensity; of those that their record describes, what a
+    new one needs, and its numbers."""
+    return {
+        x.KIND.name: {
+            "unit": x.KIND.unit.name,
+            "oneSided": x.KIND.one_sided,
+            "fields": [
+                {"name": y.name, "label": y.label, "default": y.default, "least": y.least if y.least_itself else 1e-4}
+                for y in x.KIND.fields
+                if x in DESCRIBED
+            ],
+        }
+        for x in LIGHT_CLASSES
+    }
 
 
 class _Page(Handler):

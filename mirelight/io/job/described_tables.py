@@ -64,8 +64,8 @@ def _table(kind: LightKind) -> type[DescribedTable]:
     keys["direction"] = (Direction | None, Field(default=None, description=f"[x, y, z]. {kind.aim}"))
     keys["target"] = (Vec3 | None, Field(default=None, description=_TARGET))
     for one in kind.fields:
-        least = {"ge": one.least} if one.least_itself else {"gt": one.least}
-        number = Annotated[float, Field(le=one.most, allow_inf_nan=False, **least)]  # type: ignore[arg-type]
+        least, above = (one.least, None) if one.least_itself else (None, one.least)
+        number = Annotated[float, Field(ge=least, gt=above, le=one.most, allow_inf_nan=False)]
         keys[one.name] = (number, Field(default=one.default, description=one.meaning))
     made = create_model(f"{kind.name.capitalize()}Table", __base__=DescribedTable, __doc__=kind.meaning, **keys)
     made.kind = kind

@@ -15,6 +15,7 @@ import pytest
 
 from mirelight.apps.explain import light as explain
 from mirelight.apps.inspect.facts import light_facts
+from mirelight.apps.studio import server as studio
 from mirelight.base import conventions
 from mirelight.cli import report
 from mirelight.dataset import rig
@@ -208,6 +209,13 @@ def test_it_is_a_layer_that_can_be_dimmed(light: Light) -> None:
     assert term.layer == "one"
     np.testing.assert_allclose(term.weight, light.color * light.intensity)
     assert explain._irradiance(light, np.array([[0.5, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])).shape == (1, 3)
+
+
+@every
+def test_the_studio_has_rows_for_it(light: Light) -> None:
+    known = studio._kinds()[light.KIND.name]
+    assert known["unit"] == light.KIND.unit.name
+    assert bool(known["fields"]) == (type(light) in DESCRIBED and bool(light.KIND.fields))
 
 
 @every

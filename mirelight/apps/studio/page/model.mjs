@@ -1,5 +1,6 @@
 // The job that is edited: its values, what was done to it and can be undone, and what its lights weigh.
 import { blackBody, linear, picker } from './colors.mjs';
+import { LIGHTS } from './lights.mjs';
 
 const TOGETHER = 700;  // milliseconds within which changes of one thing are undone together
 const DEGREES = 180 / Math.PI;
@@ -128,7 +129,7 @@ export function freeName(wanted, taken) {
 
 // A light of a type before the camera, about as bright as the capture under light of a level (cd/m²).
 export function newLight(type, { eye, away, level, taken, beside }) {
-    const name = freeName({ point: 'lamp', spot: 'spot', area: 'panel', sun: 'sun' }[type], taken);
+    const name = freeName({ point: 'lamp', area: 'panel' }[type] ?? type, taken);
     const n = (x) => rounded(x, 4), place = (a) => a.map((x) => placed(x, away));
     const ahead = plus(eye.position, eye.forward, away);
     const aside = 0.2 * away * [0, -1, 1, -2, 2][beside % 5];  // none on top of another
@@ -142,6 +143,13 @@ export function newLight(type, { eye, away, level, taken, beside }) {
     if (type === 'point') return { type, name, position: place(above), kelvin: 3000, intensity: candela, radius: n(0.02 * away) };
     const aimed = { type, name, position: place(above), target: place(ahead), kelvin: 4000 };
     if (type === 'spot') return { ...aimed, intensity: n(2 * candela), outer_cone_angle: 30, inner_cone_angle: 20, radius: n(0.02 * away) };
+    const known = LIGHTS[type];
+    if (known.fields.length) {  // as large as others; one that shines all around lies across the view
+        const own = Object.fromEntries(known.fields.map((x) => [x.name, n(0.25 * away * x.default)]));
+        const { target, ...still } = aimed;
+        const way = known.oneSided ? { target } : { direction: eye.right.map(n) };
+        return { ...still, ...way, ...own, intensity: n(2 * candela), unit: 'candela' };
+    }
     const size = n(0.25 * away);
     return { ...aimed, shape: 'rectangle', size, intensity: n(2 * candela / size ** 2) };
 }

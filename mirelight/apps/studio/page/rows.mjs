@@ -1,6 +1,7 @@
 // Rows of the panel: a light, what comes from all around.
 import { fromPicker, placeInSky, rounded, shownColor, table } from './model.mjs';
 import { blackBody, picker } from './colors.mjs';
+import { LIGHTS } from './lights.mjs';
 
 const STOPS = 8;  // that an intensity's slider goes up and down
 
@@ -105,8 +106,6 @@ function sky(name, light, set, ask) {
     ];
 }
 
-const UNITS = { point: 'candela', spot: 'candela', area: 'cd/m²', sun: 'lux', directional: 'lux', playcanvas: 'intensity' };
-
 // on: { set(edit, again), remove(), ask(request) }; `again`: the rows are to be made anew
 export function lightRow(light, on) {
     const { name } = light, parts = [];
@@ -114,9 +113,10 @@ export function lightRow(light, on) {
     const size = (label, key, least) => row(label,
         number(`${name}: ${label}`, Array.isArray(light[key]) ? light[key][0] : light[key] ?? 0, { min: least }, (x) => set((l) => { l[key] = Math.max(x ?? least, least); })));
     if (light.type !== 'playcanvas') parts.push(colour(name, light, set));
-    parts.push(intensity(name, light, light.unit ?? UNITS[light.type], (x) => set((l) => { l.intensity = x; })));
+    parts.push(intensity(name, light, light.unit ?? LIGHTS[light.type]?.unit ?? 'intensity', (x) => set((l) => { l.intensity = x; })));
     if (light.type === 'point' || light.type === 'spot') parts.push(size('Radius', 'radius', 0));
     if (light.type === 'area') parts.push(size('Size', 'size', 1e-4));
+    for (const { label, name: key, least } of LIGHTS[light.type]?.fields ?? []) parts.push(size(label, key, least));
     if (light.type === 'spot' && !light.spot) {
         parts.push(both(name, 'Cone °', light.outer_cone_angle ?? 45, { min: 1, max: 90, step: 1 }, (x) => set((l) => {
             l.outer_cone_angle = x;

@@ -1,6 +1,7 @@
 // The page: the capture in the engine, the panel that edits its job, and what the server makes of it.
 import { createBall } from './ball.mjs';
 import { createHandles } from './handles.mjs';
+import { LIGHTS } from './lights.mjs';
 import { createNewest, send } from './live.mjs';
 import { createMesh } from './mesh.mjs';
 import { aimOf, between, createModel, freeName, fromSky, length, newLight, placed, placeInSky, plus, ratio, rounded, table, toSky, turn, turned } from './model.mjs';
@@ -534,6 +535,12 @@ function start(view, studio) {
         }
     };
     for (const [id, act] of Object.entries(actions)) find(id).addEventListener('click', act);
+    for (const [type, { fields }] of Object.entries(LIGHTS)) {
+        if (!fields.length) continue;
+        const button = make('button', { id: `add-${type}`, type: 'button', textContent: `+ ${type[0].toUpperCase()}${type.slice(1)}` });
+        button.addEventListener('click', () => add(type));
+        find('add-sun').before(button);
+    }
     for (const type of ['point', 'spot', 'area', 'sun']) find(`add-${type}`).addEventListener('click', () => add(type));
     find('exposure').addEventListener('input', () => {
         model.change('exposure', (job) => { (job.display ??= {}).exposure = Number(find('exposure').value); });

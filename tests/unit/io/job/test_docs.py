@@ -12,6 +12,7 @@ import jsonschema  # type: ignore[import-untyped]
 import pytest
 
 from mirelight.io.job.tables import json_schema
+from mirelight.model.light_classes import DESCRIBED
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
 PAGE = (DOCS / "reference" / "job-file.md").read_text(encoding="utf-8")
@@ -37,6 +38,7 @@ SECTIONS = {
     "a spot's cone as in KHR": "KhrConeTable",
     "lights of type area": "AreaTable",
     "lights of type playcanvas": "PlayCanvasTable",
+    **{f"lights of type {x.KIND.name}": f"{x.KIND.name.capitalize()}Table" for x in DESCRIBED},
     "lights_from": "LightsFromTable",
     "lightings": "LightingTable",
     "captured": "CapturedTable",

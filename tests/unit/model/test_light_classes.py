@@ -29,6 +29,7 @@ from mirelight.lighting.lights import Kind, brightness, pack, seeds
 from mirelight.model import (
     LIGHT_CLASSES,
     DirectionalLight,
+    IesProfile,
     Light,
     Lighting,
     PointLight,
@@ -37,6 +38,7 @@ from mirelight.model import (
     SpotLight,
     digest,
 )
+from mirelight.model.ies import AROUND, DOWN
 from mirelight.model.light_classes import DESCRIBED, kind_named, punctual
 from mirelight.model.playcanvas_lights import to_engine
 from mirelight.model.unit_lights import Unit, terms
@@ -101,6 +103,20 @@ def test_it_answers_what_lights_are_asked(light: Light) -> None:
     plain = punctual(light)
     assert isinstance(plain, DirectionalLight | PointLight | SpotLight)
     assert plain.name == light.name
+
+
+def test_a_profile_is_carried_with_its_light() -> None:
+    turn = conventions.compose((1, 0, 0), conventions.rotation_from_euler((0, 0, 90)), 2.0)
+    down, share = np.array([0.0, -1.0, 0.0]), np.ones((AROUND, DOWN), np.float32)
+    profile = IesProfile(share=share, nadir=down, zero=np.array([0.0, 0.0, 1.0]))
+    for light in (
+        PointLight(name="bulb", position=np.ones(3), profile=profile),
+        SpotLight(name="spot", position=np.ones(3), direction=down, profile=profile),
+    ):
+        carried = light.carried(turn)
+        assert carried.profile is not None
+        np.testing.assert_allclose(carried.profile.nadir, [1, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(carried.profile.zero, [0, 0, 1], atol=1e-12)
 
 
 @every

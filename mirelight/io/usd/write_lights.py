@@ -66,13 +66,14 @@ def add_light(writer: StageWriter, light: Light) -> None:
 
 
 def _surface(writer: StageWriter, light: PosedLight) -> None:
-    """A lamp of a class that its record describes: as the prim that it names, else as a point."""
+    """A lamp of a class that its record describes: as the prim that it names, else as a point or a spot."""
     usd = light.KIND.usd
     if usd is None:
         plain = punctual(light)
-        assert isinstance(plain, PointLight)
         prim = _prim(writer, light, "SphereLight", light.world_from_light)
         _ball(prim, plain.intensity, 0.0)
+        if isinstance(plain, SpotLight):
+            _cone(prim, plain)
     else:
         pose = light.world_from_light
         prim = _prim(writer, light, usd.name, pose @ X_AIMED if usd.axis == "X" else pose)

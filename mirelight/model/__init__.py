@@ -18,7 +18,6 @@ from mirelight.model.ies import IesProfile
 from mirelight.model.inserted import Inserted, Scatter
 from mirelight.model.light_classes import (
     LIGHT_CLASSES,
-    AreaLight,
     DirectionalLight,
     Falloff,
     Light,
@@ -27,7 +26,6 @@ from mirelight.model.light_classes import (
     PunctualLight,
     SpotLight,
     SunLight,
-    TubeLight,
 )
 from mirelight.model.light_kinds import LightBase, LightKind, PosedLight
 from mirelight.model.lights import Environment, EstimatedSky, LayerFactor, Lighting, SkyModel
@@ -54,6 +52,7 @@ from mirelight.model.settings import (
     Sort,
 )
 from mirelight.model.surface_cache import CellLight, PointLayers, SurfaceCache, SurfaceCells, SurfaceTransport
+from mirelight.model.surface_lights import AreaLight, TubeLight
 
 __all__ = [
     "F32",

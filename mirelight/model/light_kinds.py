@@ -1,7 +1,7 @@
 """What every reader, writer and list knows of a class of lights: a record beside each class, and what all can answer.
 
-`mirelight.model.light_classes` has the classes. Nobody else lists them: lists are made from these records, and what a
-format has no words for is written and read by them.
+`mirelight.model.light_classes` and `surface_lights` have the classes. Nobody else lists them: lists are made from these
+records, and what a format has no words for is written and read by them.
 """
 
 from __future__ import annotations

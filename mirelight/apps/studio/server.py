@@ -23,7 +23,8 @@ from mirelight.apps.studio.document import MOST_BYTES, edits_of
 from mirelight.apps.studio.session import State
 from mirelight.base.errors import InputError, MirelightError, printable
 from mirelight.io.job.sun_position import sun_position
-from mirelight.model.light_classes import DESCRIBED, LIGHT_CLASSES
+from mirelight.model.light_classes import LIGHT_CLASSES
+from mirelight.model.surface_lights import DESCRIBED
 
 _MIXERS = ("view.mjs", "handles.mjs", "colors.mjs", "live.mjs")
 _UPLOAD, _OBJECT, _OPEN = "live/upload/", "live/object/", "live/open/"

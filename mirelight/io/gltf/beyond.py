@@ -37,7 +37,8 @@ from mirelight.model import (
     SpotLight,
     SunLight,
 )
-from mirelight.model.light_classes import DESCRIBED, described_light, punctual
+from mirelight.model.light_classes import punctual
+from mirelight.model.surface_lights import DESCRIBED, described_light
 
 Extras: TypeAlias = dict[str, Any]
 

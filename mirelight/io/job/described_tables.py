@@ -1,4 +1,4 @@
-"""Tables of the job file for lights that their record describes (`model.light_classes.DESCRIBED`), made from it."""
+"""Tables of the job file for lights that their record describes (`model.surface_lights.DESCRIBED`), made from it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mirelight.io.job.fields import Direction, NotNegative, Vec3
 from mirelight.io.job.lamp_tables import ColouredTable, aimed
 from mirelight.io.job.light_units import SurfaceUnit, shared_among
 from mirelight.model import Light, LightKind
-from mirelight.model.light_classes import DESCRIBED, described_light
+from mirelight.model.surface_lights import DESCRIBED, described_light
 
 _TARGET = "[x, y, z], a point that direction leads to; instead of it."
 

@@ -36,7 +36,7 @@ from mirelight.model import (
     SunLight,
 )
 from mirelight.model.ies import AROUND, DOWN
-from mirelight.model.light_classes import DESCRIBED, described_light
+from mirelight.model.surface_lights import DESCRIBED, described_light
 
 _CELLS = 8  # along each side of a textured rectangle
 _MODELS: dict[str, Any] = {x.__name__: x for x in LIGHT_CLASSES}

@@ -39,8 +39,9 @@ from mirelight.model import (
     digest,
 )
 from mirelight.model.ies import AROUND, DOWN
-from mirelight.model.light_classes import DESCRIBED, kind_named, punctual
+from mirelight.model.light_classes import kind_named, punctual
 from mirelight.model.playcanvas_lights import to_engine
+from mirelight.model.surface_lights import DESCRIBED
 from mirelight.model.unit_lights import Unit, terms
 from mirelight.store import layer_index, layer_records
 

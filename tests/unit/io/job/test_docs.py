@@ -12,7 +12,7 @@ import jsonschema  # type: ignore[import-untyped]
 import pytest
 
 from mirelight.io.job.tables import json_schema
-from mirelight.model.light_classes import DESCRIBED
+from mirelight.model.surface_lights import DESCRIBED
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
 PAGE = (DOCS / "reference" / "job-file.md").read_text(encoding="utf-8")

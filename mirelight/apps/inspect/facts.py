@@ -286,8 +286,8 @@ def light_facts(light: Light) -> LightFacts:
             return LightFacts(type="area", position=numbers(light.place), **facts)
         case PosedLight():
             own = tuple(FieldFacts(x.name, rounded(getattr(light, x.name))) for x in light.KIND.fields)
-            place = {"position": numbers(light.place), "direction": numbers(light.way)}
-            return LightFacts(type=light.KIND.name, own=own, **place, **facts)
+            facts |= {"position": numbers(light.place), "direction": numbers(light.way)}
+            return LightFacts(type=light.KIND.name, own=own, **facts)
 
 
 def _reach(light: PointLight | SpotLight) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from mirelight.model import (
     SunLight,
 )
 from mirelight.model.light_classes import punctual
+from mirelight.model.surface_lights import GlowingLight
 
 _FILM = 0.24  # tenths of a metre high, of cameras: 24 mm
 _CODES = 24.0  # time codes a second
@@ -65,7 +66,7 @@ def add_light(writer: StageWriter, light: Light) -> None:
         keep(prim, _described(light))
 
 
-def _surface(writer: StageWriter, light: PosedLight) -> None:
+def _surface(writer: StageWriter, light: GlowingLight) -> None:
     """A lamp of a class that its record describes: as the prim that it names, else as a point or a spot."""
     usd = light.KIND.usd
     if usd is None:

@@ -28,6 +28,7 @@ from mirelight.model import (
     ProxyMesh,
     SpotLight,
     SunLight,
+    TubeLight,
     Wraps,
 )
 from mirelight.model.ies import AROUND, DOWN
@@ -224,6 +225,16 @@ def emitter(mi: Any, light: Light, reach: float) -> dict[str, Any]:
             return _glowing(mi, "sphere", matrix, (light.radius, light.radius), strength / (np.pi * light.radius**2))
         case AreaLight():
             return _glowing(mi, light.shape, light.world_from_light, (light.size[0] / 2, light.size[1] / 2), strength)
+        case TubeLight():
+            return {
+                "type": "cylinder",
+                "p0": [0, 0, -light.length / 2],
+                "p1": [0, 0, light.length / 2],
+                "radius": light.radius,
+                "to_world": _transform(mi, light.world_from_light),
+                "emitter": {"type": "area", "radiance": _rgb(mi, strength)},
+                "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}},
+            }
         case _:
             raise RenderError(
                 f"light {light.name!r}: Mitsuba has no lamp with both a radius and a cone, range or profile"

@@ -9,7 +9,7 @@ import path_oracle as oracle
 import pytest
 from ztest import Array, worst_and_allowed
 
-from mirelight.base import backend
+from mirelight.base import backend, conventions
 from mirelight.lighting import Tracer
 from mirelight.model import (
     AreaLight,
@@ -25,6 +25,7 @@ from mirelight.model import (
     RenderSettings,
     SpotLight,
     SunLight,
+    TubeLight,
     Wrap,
 )
 from mirelight.model.ies import AROUND, DOWN
@@ -84,6 +85,11 @@ def _panel(shape: str) -> AreaLight:
     matrix = np.array([[1, 0, 0, 1.6], [0, 0, 1, 2.2], [0, -1, 0, 0.5], [0, 0, 0, 1]], np.float64)
     size = (1.0, 0.5) if shape == "rectangle" else (0.8, 0.8)
     return AreaLight(name=shape, shape=shape, world_from_light=matrix, size=size, intensity=6.0)  # type: ignore[arg-type]
+
+
+def _tube() -> TubeLight:
+    pose = conventions.look_at([1.6, 1.7, 0.5], [2.0, 2.2, -0.4])
+    return TubeLight(name="tube", world_from_light=pose, length=1.4, radius=0.12, intensity=6.0)
 
 
 def _sky(rows: int = 128) -> Environment:
@@ -154,6 +160,7 @@ LIGHTS: dict[str, tuple[Light, int]] = {
     "rectangle": (_panel("rectangle"), 1),
     "disk": (_panel("disk"), 1),
     "sphere": (_panel("sphere"), 1),
+    "tube": (_tube(), 1),
 }
 
 

@@ -147,7 +147,7 @@ export function newLight(type, { eye, away, level, taken, beside }) {
     if (known.fields.length) {  // as large as others; one that shines all around lies across the view
         const own = Object.fromEntries(known.fields.map((x) => [x.name, n(0.25 * away * x.default)]));
         const { target, ...still } = aimed;
-        const way = known.oneSided ? { target } : { direction: eye.right.map(n) };
+        const way = known.oneSided ? { target } : { direction: Array.from(eye.right, n) };
         return { ...still, ...way, ...own, intensity: n(2 * candela), unit: 'candela' };
     }
     const size = n(0.25 * away);

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mirelight.base.conventions import frame_around
 from mirelight.base.errors import RenderError
 from mirelight.estimate.around import evened
+from mirelight.estimate.shade import Shade
 from mirelight.estimate.sky import PATCHES, patch_of
 from mirelight.estimate.tuning import TUNING
 from mirelight.lighting import Tracer
@@ -117,15 +118,23 @@ class _Shown:
     A splat's colour is the median of those around it. In dark places single splats show many times what their light
     allows, bled from what is bright beside them: as they were, they made what rays meet too bright by a tenth, and with
     it all of the light.
+
+    Nor does a splat show what lies in a corner beside it, or on the back of what it shows. So a colour is darker where
+    an even sky would bring less light than to the splats that it is taken from; but not in rooms, whose light is no
+    sky's.
     """
 
     tree: Any  # of places lifted off the surface, so that the sides of a thin wall are told apart
     normals: F64  # (M, 3) unit, towards the side that was seen
     color: F64  # (M, 3) linear
     lift: float
+    even: F64  # (M,) irradiance / pi that an even sky of radiance 1 brings
+    shade: Shade | None  # None: a room, seen from inside
 
     @staticmethod
-    def of(deposits: Deposits, mesh: ProxyMesh, sight: Sight, lift: float, rng: np.random.Generator) -> _Shown:
+    def of(
+        deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, sight: Sight, lift: float, rng: np.random.Generator
+    ) -> _Shown:
         """Of splats on the mesh."""
         from scipy.spatial import cKDTree
 
@@ -136,13 +145,23 @@ class _Shown:
         apart = 10 * lift
         tree = cKDTree(points + apart * normals)
         _, near = tree.query(tree.data, k=[*range(1, min(TUNING.place_agree, len(points)) + 1)], workers=-1)
-        return _Shown(tree, normals, np.median(deposits.color[whole][near], axis=1), apart)
+        shade = Shade.of(tracer, mesh)
+        even = shade.at(points, normals)
+        is_room = even.mean() < TUNING.doubt_open
+        color = np.median(deposits.color[whole][near], axis=1)
+        return _Shown(tree, normals, color, apart, even[near].mean(axis=1), None if is_room else shade)
 
     def at(self, points: F64, normals: F64, way: F64) -> tuple[F64, NDArray[np.bool_]]:
         """(N, 3) at points of faces with those normals, met along directions; (N,) where no splat shows the face."""
         toward = -np.sign(np.einsum("nk,nk->n", normals, way))[:, None] * normals
         _, nearest = self.tree.query(points + self.lift * toward, workers=-1)
-        return self.color[nearest], np.einsum("nk,nk->n", self.normals[nearest], toward) < TUNING.place_facing
+        color = self.color[nearest]
+        if self.shade is not None:
+            less = (self.shade.of_cells(points, toward) + TUNING.shade_floor) / (
+                self.even[nearest] + TUNING.shade_floor
+            )
+            color = color * np.minimum(less / TUNING.shade_surely, 1)[:, None]
+        return color, np.einsum("nk,nk->n", self.normals[nearest], toward) < TUNING.place_facing
 
 
 def _whole(deposits: Deposits, normals: F64) -> NDArray[np.bool_]:
@@ -174,8 +193,8 @@ def places_of(
         BackendError: the variant cannot be used on this machine.
     """
     _refuse_few(splats)
-    mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, 0.5))
-    tracer = Tracer(mesh, settings, layers=False, aovs=False)
+    mesh = replace(proxy, vertex_colors=None, albedo=np.full(3, TUNING.mean_albedo))
+    tracer = Tracer(mesh, replace(settings, max_depth=TUNING.shade_depth), layers=False, aovs=False)
     seen = observed(splats, views, mesh, tracer)
     few = seen.deposits(TUNING.place_count)
     points, normals = few.on(mesh)
@@ -191,7 +210,7 @@ def places_of(
     sight = tracer.sight()
     rng = np.random.default_rng(settings.seed)
     facing = face_normals(mesh)
-    shown = _Shown.of(seen.deposits(TUNING.place_shown), mesh, sight, lift, rng)
+    shown = _Shown.of(seen.deposits(TUNING.place_shown), mesh, tracer, sight, lift, rng)
     normals = _seen_side(points, normals, facing, sight, lift, rng)
     close = _close(seen.deposits(TUNING.edge_places), mesh, sight, lift, rng)
     spread = _along(few.spread[sound], normals, TUNING.place_most_spread / TUNING.place_lift * lift)

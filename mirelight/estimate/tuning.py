@@ -32,6 +32,13 @@ class Tuning:
     place_light_spp: int = 32  # samples of a light that is known, at each splat: its shadows may be soft
     place_lift: float = 2e-4  # of the diagonal: where rays start
 
+    # how much light comes to what no splat shows (`shade`)
+    shade_spp: int = 16  # samples of an even sky's light
+    shade_depth: int = 3  # vertices of their paths
+    shade_cells: int = 100  # along the diagonal: in cells as small what rays meet gets as much light
+    shade_surely: float = 0.7  # of the light at the splats: with less it is darker there; above, it may be noise
+    shade_floor: float = 0.01  # of the open sky, added: nothing is black
+
     # what places share (`around`)
     around_nearest: int = 12  # samples that are looked at for each place
     # of a place's extent: the distance within which others count; as far as shadow edges are left out

@@ -391,6 +391,18 @@ def test_what_no_splat_shows_is_guessed() -> None:
     assert places.guessed[low & (x > 0.5)].max() < 0.1
 
 
+def test_what_no_splat_shows_is_darker_where_less_light_comes() -> None:
+    """Discs on the open half of the floor alone: the roof's underside gets but what the floor sends up."""
+    mesh, splats = slabs(0.2)
+    shown = (splats.means[:, 0] < 0) & (splats.means[:, 1] < 0.5)
+    names = ("means", "quats", "scales", "opacities", "sh")
+    places = transport.places_of(replace(splats, **{x: getattr(splats, x)[shown] for x in names}), mesh, SETTINGS)
+    beside = places.points[:, 0] > -0.5
+    seen = 1 - places.open[beside].sum(axis=1)
+    assert seen.mean() > 0.1
+    assert 0.02 * seen.sum() < places.met[beside].mean(axis=1).sum() < 0.65 * 0.3 * seen.sum()
+
+
 def test_the_proxy_is_made_ready_for_rays_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a million triangles it takes seconds."""
     mesh, splats = slabs(0.2)

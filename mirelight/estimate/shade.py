@@ -41,8 +41,8 @@ class Shade:
         return made.total.mean(axis=1).astype(np.float64) / np.pi
 
     def of_cells(self, points: F64, normals: F64) -> F64:
-        """(N,) the same at points (N, 3), one value for all of a cell whose normals (N, 3) point along the same of the six
-        main directions."""
+        """(N,) the same at points (N, 3), one value for all of a cell whose normals (N, 3) point along the same of the
+        six main directions."""
         axis = np.abs(normals).argmax(axis=1)
         way = 2 * axis + (np.take_along_axis(normals, axis[:, None], axis=1)[:, 0] < 0)
         x, y, z = np.clip(np.floor((points - self.low) / self.cell), 0, 4095).astype(np.int64).T

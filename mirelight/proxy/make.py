@@ -25,6 +25,7 @@ from mirelight.proxy.labels import flattened, fog_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.slanted import slanted
+from mirelight.proxy.stereo import agreed
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
@@ -46,9 +47,9 @@ def make(
 
     Discs (fitted surfels) become cells: pieces of their planes, cut by their neighbours. Other captures are looked at
     through their cameras, or from around where those are not known, and the depth maps are smoothed, moved onto the
-    planes that they show, and fused. Where the capture's cameras are known, what they did not see is closed against
-    light. The mesh is decided, to the bit, by the splats (of their colours by what does not change with the view), by
-    the cameras and by the settings other than `threads`.
+    planes that they show, and fused. Where the capture's cameras are known, depths are put right by what is seen from
+    there, and what was not seen is closed against light. The mesh is decided, to the bit, by the splats (of their
+    colours by what does not change with the view), by the cameras and by the settings other than `threads`.
 
     Args:
         splats: the capture, in world space.
@@ -82,7 +83,11 @@ def make(
         _refuse_depth(capture, maps, views, len(there), source)
         if not there:
             views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
-        soup = _fused(capture, views, part(report, 0.4, 0.9))
+        report("smoothing depth maps", 0.4)
+        views = [slanted(view, capture.spacing) for view in views]
+        if there:
+            views = agreed(views, settings, capture.spacing, part(report, 0.45, 0.6))
+        soup = _fused(capture, views, part(report, 0.6, 0.9))
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     if settings.triangles is not None:
@@ -120,10 +125,8 @@ def _method(capture: Capture, settings: ProxySettings) -> Method:
 
 
 def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> Soup:
-    """By depth maps, each point of the surface in some of them."""
-    report("smoothing depth maps", 0.0)
-    views = [slanted(view, capture.spacing) for view in views]
-    report("finding planes", 0.3)
+    """By smoothed depth maps, each point of the surface in some of them."""
+    report("finding planes", 0.0)
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
     if windows:
@@ -134,7 +137,7 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> So
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing)
     views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog) for view in views]
     cell = TUNING.cell * capture.spacing
-    grid = fuse(views, capture.half, cell, part(report, 0.6, 0.8))
+    grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8))
     report("finding the surface", 0.8)
     soup = on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
     for window in windows:

@@ -21,6 +21,33 @@ class Tuning:
     window_rounds: tuple[float, ...] = (4, 2, 1, 1)  # noises: what lies so far off a plane counts a quarter
     window_least: float = 0.05  # summed weight of a window that tells a plane
 
+    # what neighbouring views tell of depth (`stereo`), px of the depth maps where nothing else is said
+    stereo_step: int = 2  # between the pixels that are sought: each one takes four times as long
+    stereo_window: int = 6  # radius of what is compared, every second pixel; 3 leaves a fifth more pixels off by 3
+    stereo_color: float = 0.1  # display values, summed over channels: pixels of another colour count less
+    stereo_noise: float = 0.01  # display values: contrast of this much tells nothing
+    stereo_points: int = 400  # of a view, by which others are chosen
+    stereo_beside: int = 8  # others that a view is compared with; 6 leave a tenth more pixels off by 3
+    stereo_best: int = 4  # of them those that count: the others may have something before it
+    stereo_angles: tuple[float, float] = (3.0, 25.0)  # degrees between them: below and above these they tell less
+    stereo_common: float = 0.02  # share of the points that another must show
+    stereo_hidden: float = 0.03  # of the depth: what lies so far behind the other's surface is hidden there
+    stereo_rounds: int = 4  # eight gain nothing
+    stereo_beside_px: tuple[int, ...] = (1, 3, 7, 2)  # of the grid: how far off the planes are that a round tries
+    stereo_moves: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)  # sides of a pixel: by about how much it tries others
+    stereo_turns: float = 0.25  # radians, of their normals
+    stereo_gain: float = 0.005  # of correlation: less is chance
+    stereo_alike: float = 0.3  # correlation of what is found
+    stereo_sure: float = 0.5  # of what looks through other surfaces
+    stereo_agree: int = 3  # other views that find it in the same place; 2 make leaves swell
+    stereo_apart: float = 1.0  # px: the same place
+    stereo_behind: float = 6.0  # px of depth: no longer the same surface
+    stereo_least: float = 0.1  # share of the pixels: where fewer are found poses are off (0.01), as right ones find 0.3
+    stereo_through: int = 2  # views that are sure of something behind a pixel that is not found: it shows nothing
+    stereo_doubt: float = 0.3  # how much pixels count that are not found: 1 leaves what hangs in the sky, 0.1 the same
+    stereo_around: tuple[float, ...] = (40.0, 16.0, 6.0)  # how far what is found moves depths beside it
+    stereo_enough: float = 4.0  # px that are found, to be followed by half
+
     # planes of the whole surface (`flats`)
     plane_tolerance: float = 1.0  # from the plane to what lies on it
     plane_band: float = 2.5  # tolerances: what lies nearer and faces alike is the same surface, and no second plane

@@ -38,7 +38,7 @@ class Shade:
     def at(self, points: F64, normals: F64) -> F64:
         """(N,) irradiance / pi at points (N, 3) of the mesh, on the side that normals (N, 3) point to."""
         made = self.tracer.point_layers(_SKY, points, normals, TUNING.shade_spp, emission=False)
-        return made.total.mean(axis=1).astype(np.float64) / np.pi
+        return np.asarray(made.total.mean(axis=1), np.float64) / np.pi
 
     def of_cells(self, points: F64, normals: F64) -> F64:
         """(N,) the same at points (N, 3), one value for all of a cell whose normals (N, 3) point along the same of the

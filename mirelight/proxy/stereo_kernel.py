@@ -87,7 +87,8 @@ class Correlation:
                 alike = dr.minimum(value, alike)
             return (k + 1, *kept)
 
-        _, *best = dr.while_loop((mi.UInt32(dr.zeros(mi.UInt32, dr.width(depth))), *first), more, step)
+        loop: Any = dr.while_loop  # its stub knows no states of several types
+        _, *best = loop((dr.zeros(mi.UInt32, dr.width(depth)), *first), more, step)
         total, count = mi.Float(0), mi.Float(0)
         for value in best:
             total += dr.select(value > -1, value, 0)
@@ -120,7 +121,8 @@ class _Window:
         start, width, height = pixels.frame_of(own)
 
         def ray(x: Float, y: Float) -> Vector3f:
-            return right * ((x - cx) / fx) + up * ((cy - y) / fy) - back
+            aside: Vector3f = right * ((x - cx) / fx) + up * ((cy - y) / fy)
+            return aside - back
 
         x, y = mi.Float(pixels._column) + 0.5, mi.Float(pixels._row) + 0.5
         ahead = ray(x, y)
@@ -133,7 +135,7 @@ class _Window:
             column = mi.UInt32(dr.clip(pixels._column + across, 0, mi.Int32(width) - 1))
             line = mi.UInt32(dr.clip(pixels._row + down, 0, mi.Int32(height) - 1))
             color = _less(pixels.texel(start, width, column, line), middle)
-            other = dr.abs(color[0]) + dr.abs(color[1]) + dr.abs(color[2])
+            other: Float = dr.abs(color[0]) + dr.abs(color[1]) + dr.abs(color[2])
             weight = dr.exp(-other / TUNING.stereo_color - (across * across + down * down) / _SPREAD)
             way = ray(x + across, y + down)
             along = facing / dr.minimum(dr.dot(normal, way), facing * 0.2)

@@ -220,7 +220,8 @@ def _packed(value: Any) -> Any:
         case IesProfile():
             return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
         case LightBase():
-            own = {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
+            light: Any = value  # each class of them is a dataclass
+            own = {f.name: _packed(getattr(light, f.name)) for f in fields(light)}
             return {"type": type(value).__name__, **own}
         case (
             Camera()

@@ -68,7 +68,8 @@ def example(kind: type[Light]) -> Light:
     assert not unknown, f"{kind.__name__}: give {unknown} a default, or a LightField in its KIND"
     numbers = {x.name: x.default for x in kind.KIND.fields if np.isfinite(x.default)}
     values: dict[str, Any] = {"name": "one", "color": np.array([1.0, 0.5, 0.25]), "intensity": 40.0}
-    return kind(**values, **{x: GIVEN[x] for x in needed}, **numbers)
+    values |= {x: GIVEN[x] for x in needed} | numbers
+    return kind(**values)
 
 
 every = pytest.mark.parametrize("light", [example(x) for x in LIGHT_CLASSES], ids=lambda x: x.KIND.name)

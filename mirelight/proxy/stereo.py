@@ -27,7 +27,7 @@ from mirelight.proxy.types import Int, ProxySettings
 from mirelight.proxy.views import rays, turned
 
 if TYPE_CHECKING:
-    from mirelight.proxy.stereo_kernel import Correlation
+    from mirelight.lighting.kernel.correlation import Correlation
 
 Bool = NDArray[np.bool_]
 
@@ -55,6 +55,7 @@ class Pixels:
 
     @staticmethod
     def of(views: Sequence[DepthMap]) -> Pixels:
+        """Of views whose depths are (H, W)."""
         step = TUNING.stereo_step
         parts = []
         for view in views:
@@ -143,12 +144,13 @@ def agreed(views: Sequence[DepthMap], settings: ProxySettings, spacing: float, r
     if not any(len(x) > 1 for x in near):
         return list(views)
     backend.mitsuba(settings.variant, settings.threads)
-    from mirelight.proxy.stereo_kernel import Correlation
+    from mirelight.lighting.kernel.correlation import Correlation, Windows
 
     pixels = Pixels.of(views)
     white = [x.color.min(axis=2) > TUNING.clipped for x in views]
     shown = [_shown(x, y) for x, y in zip(views, white, strict=True)]
-    correlation = Correlation([x.camera for x in views], shown, near, pixels.view, pixels.column, pixels.row)
+    windows = Windows(TUNING.stereo_window, TUNING.stereo_color, TUNING.stereo_noise, TUNING.stereo_best)
+    correlation = Correlation([x.camera for x in views], shown, near, pixels.view, pixels.column, pixels.row, windows)
     planes, alike = _sought(pixels, correlation, report)
     agree, through = _agreement(pixels, planes, alike, near)
     found = (agree >= TUNING.stereo_agree) & (alike > TUNING.stereo_alike)

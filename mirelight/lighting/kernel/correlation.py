@@ -4,6 +4,7 @@ windows around them compared (normalized cross-correlation)."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
@@ -13,12 +14,26 @@ from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.types import Float, UInt32, Vector3f
 from mirelight.model import F32, Camera
-from mirelight.proxy.tuning import TUNING
 
 _NONE = 0xFFFFFFFF  # stands where a picture has no further one beside it
 _LEAST_FACING = 0.15  # cosine: planes seen more aslant count as seen so
 _PER_CAMERA = 16  # camera from world in three rows, focal lengths, middle
 _PER_POSE = 12  # right, up, back, position
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """What of two pictures is compared."""
+
+    radius: int  # px, every second pixel
+    color: float  # display values, summed over channels: pixels of another colour count less
+    noise: float  # display values: contrast of this much tells nothing
+    best: int  # pictures that count, those most alike: the others may have something before it
+
+    def pixels(self) -> list[tuple[int, int]]:
+        """Columns and rows from the middle."""
+        line = [x for x in range(-self.radius, self.radius + 1) if x % 2 == 0]
+        return [(x, y) for y in line for x in line if x * x + y * y <= self.radius**2 + 1]
 
 
 class Correlation:
@@ -30,6 +45,7 @@ class Correlation:
         beside: of each picture the others that it is compared with.
         picture: (P,) the picture of each pixel.
         column, row: (P,) its place there.
+        windows: what is compared.
     """
 
     def __init__(
@@ -40,7 +56,9 @@ class Correlation:
         picture: NDArray[np.int64],
         column: NDArray[np.int64],
         row: NDArray[np.int64],
+        windows: Windows,
     ) -> None:
+        self.windows = windows
         sizes = [x.shape[0] * x.shape[1] for x in pictures]
         self._texels = mi.Float(np.concatenate([x.ravel() for x in pictures]).astype(np.float32))
         self._start = mi.UInt32((np.cumsum(sizes) - sizes).astype(np.uint32))
@@ -58,7 +76,7 @@ class Correlation:
         self._row = mi.Int32(row.astype(np.int32))
 
     def of(self, depth: F32, normal: F32) -> F32:
-        """(P,) mean correlation with the most alike `stereo_best` others, -1 where fewer than two show the place.
+        """(P,) mean correlation with the `best` others that are most alike, -1 where fewer than two show the place.
 
         Args:
             depth: (P,) along the view axis, world units.
@@ -72,7 +90,7 @@ class Correlation:
     def _alike(self, depth: Float, normal: Vector3f) -> Float:
         window = _Window(self, depth, normal)
         most = dr.opaque(mi.UInt32, self._most)
-        first = tuple(mi.Float(-1) for _ in range(TUNING.stereo_best))
+        first = tuple(mi.Float(-1) for _ in range(self.windows.best))
 
         def more(k: UInt32, *_: Float) -> Any:
             return k < most
@@ -131,12 +149,14 @@ class _Window:
         self._middle, self._there = middle, (depth > 0) & (middle.w > 0.5)
         self._colors, self._weights, self._points = [], list[Float](), list[Any]()
         self.sum, self.mean, square = mi.Float(0), [mi.Float(0)] * 3, mi.Float(0)
-        for across, down in _WINDOW:
+        windows = pixels.windows
+        self._at, wide = windows.pixels(), 2 * (0.7 * windows.radius) ** 2  # px²: how fast its rim counts less
+        for across, down in self._at:
             column = mi.UInt32(dr.clip(pixels._column + across, 0, mi.Int32(width) - 1))
             line = mi.UInt32(dr.clip(pixels._row + down, 0, mi.Int32(height) - 1))
             color = _less(pixels.texel(start, width, column, line), middle)
             other: Float = dr.abs(color[0]) + dr.abs(color[1]) + dr.abs(color[2])
-            weight = dr.exp(-other / TUNING.stereo_color - (across * across + down * down) / _SPREAD)
+            weight = dr.exp(-other / windows.color - (across * across + down * down) / wide)
             way = ray(x + across, y + down)
             along = facing / dr.minimum(dr.dot(normal, way), facing * 0.2)
             self._colors.append(color)
@@ -145,7 +165,7 @@ class _Window:
             self.sum += weight
             self.mean = [a + weight * b for a, b in zip(self.mean, color, strict=True)]
             square += weight * _dot(color, color)
-        self._floor = self.sum * (3 * TUNING.stereo_noise**2)
+        self._floor = self.sum * (3 * windows.noise**2)
         self._spread = square - _dot(self.mean, self.mean) / self.sum + self._floor
 
     def alike(self, other: UInt32, there: Any) -> Float:
@@ -156,7 +176,7 @@ class _Window:
         most = mi.Float(width) - 1.001, mi.Float(height) - 1.001
         mean, square, both = [mi.Float(0)] * 3, mi.Float(0), mi.Float(0)
         seen = there & self._there
-        for at, color, weight, p in zip(_WINDOW, self._colors, self._weights, self._points, strict=True):
+        for at, color, weight, p in zip(self._at, self._colors, self._weights, self._points, strict=True):
             own = [r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3] for r in rows]
             ahead = dr.maximum(-own[2], 1e-6)
             x, y = cx + fx * own[0] / ahead - 0.5, cy - fy * own[1] / ahead - 0.5
@@ -181,17 +201,6 @@ class _Window:
         above = texel(start, width, column, line) * (1 - s) + texel(start, width, column + 1, line) * s
         below = texel(start, width, column, line + 1) * (1 - s) + texel(start, width, column + 1, line + 1) * s
         return above * (1 - t) + below * t
-
-
-def _window() -> list[tuple[int, int]]:
-    """Every second pixel both ways of a disc."""
-    reach = TUNING.stereo_window
-    line = [x for x in range(-reach, reach + 1) if x % 2 == 0]
-    return [(x, y) for y in line for x in line if x * x + y * y <= reach * reach + 1]
-
-
-_WINDOW = _window()
-_SPREAD = 2 * (0.7 * TUNING.stereo_window) ** 2  # px²: how fast the window's rim counts less
 
 
 def _less(value: Any, by: Any) -> list[Float]:

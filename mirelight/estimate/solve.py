@@ -297,11 +297,11 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken) -
     tried = [_agreed(places, pairs, one) for one in suns if one is not None]
     if not tried:
         return _fitted(places, pairs, None), 0.0
-    best = max(tried, key=lambda x: x.gain)
+    best, least = max(tried, key=lambda x: x.gain), TUNING.sure_gain if edges.sure else TUNING.least_gain
     gain = _gain(places, pairs, best.light.sun)
     if _apart(suns) <= TUNING.no_chance:  # what both halves ask for
         gain = max(gain, best.gain)
-    if gain < TUNING.least_gain or best.light.sun is None:
+    if gain < least or best.light.sun is None:
         return _fitted(places, pairs, None), gain
     moved = sun.moved(places, best.pairs, best.light.sun, best.light.light, edges)
     if moved.radius > TUNING.widest_sun:
@@ -309,8 +309,8 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken) -
     rough = _agreed(places, pairs, moved)
     firm = _firm(places, moved) & rough.rows
     found, dark = (_fitted(places, rough.pairs, one, firm=firm) for one in (moved, None))
-    if dark.light.loss - found.light.loss < TUNING.least_gain:  # away from shadows' edges nothing tells of it: they do
-        return (rough.light, rough.gain) if rough.gain >= TUNING.least_gain else (_each(places, pairs, moved), gain)
+    if dark.light.loss - found.light.loss < least:  # away from shadows' edges nothing tells of it: they do
+        return (rough.light, rough.gain) if rough.gain >= least else (_each(places, pairs, moved), gain)
     return found, dark.light.loss - found.light.loss
 
 

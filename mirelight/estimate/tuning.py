@@ -152,6 +152,7 @@ class Tuning:
     # times that places are asked whether proxy and picture agree: after the first the sun is stronger
     agreed: int = 2
     least_gain: float = 0.004  # of the loss by a sun, below which there is none
+    sure_gain: float = 0.001  # the same where shadows' edges surely tell one: of glossy things it explains 0.002
     # degrees between the suns of both halves, up to which there is one, though its direction be a guess
     no_chance: float = 10.0
     searched: int = 1500  # places of each half that the sun is searched with

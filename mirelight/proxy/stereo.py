@@ -10,8 +10,9 @@ through. The capture's own pictures in place of the splats' tell no more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -216,13 +217,8 @@ def _sought(pixels: Pixels, correlation: Correlation, report: ShareProgress) -> 
     alike = correlation.of(best.depth, best.normal)
     for done in range(TUNING.stereo_rounds):
         report("comparing views", done / TUNING.stereo_rounds)
-        far, by = TUNING.stereo_beside_px[done], TUNING.stereo_moves[done]
-        for k in range(7):
-            if k < 4:
-                tried = pixels.beside(best, *((far, 0), (-far, 0), (0, far), (0, -far))[k])
-            else:
-                tried = best if k == 6 else pixels.moved_by_chance(best, by / (k - 3), chance)
-                tried = tried if k == 4 else pixels.turned_by_chance(tried, TUNING.stereo_turns, chance)
+        for other in _others(pixels, done, chance):
+            tried = other(best)
             found = correlation.of(tried.depth, tried.normal)
             better = found > alike + TUNING.stereo_gain
             best = Planes(
@@ -230,6 +226,16 @@ def _sought(pixels: Pixels, correlation: Correlation, report: ShareProgress) -> 
             )
             alike = np.where(better, found, alike)
     return best, alike
+
+
+def _others(pixels: Pixels, done: int, chance: np.random.Generator) -> Iterator[Callable[[Planes], Planes]]:
+    """What is tried in place of the planes in a round: those of pixels beside, and some by chance."""
+    far, by, turn = TUNING.stereo_beside_px[done], TUNING.stereo_moves[done], TUNING.stereo_turns
+    for down, across in ((far, 0), (-far, 0), (0, far), (0, -far)):
+        yield partial(pixels.beside, down=down, across=across)
+    yield partial(pixels.moved_by_chance, by=by, chance=chance)
+    yield lambda x: pixels.turned_by_chance(pixels.moved_by_chance(x, by / 2, chance), turn, chance)
+    yield partial(pixels.turned_by_chance, by=turn, chance=chance)
 
 
 def _agreement(pixels: Pixels, planes: Planes, alike: F32, near: Sequence[Sequence[int]]) -> tuple[Int, Bool]:

@@ -297,7 +297,8 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken) -
     tried = [_agreed(places, pairs, one) for one in suns if one is not None]
     if not tried:
         return _fitted(places, pairs, None), 0.0
-    best, least = max(tried, key=lambda x: x.gain), TUNING.sure_gain if edges.sure else TUNING.least_gain
+    best = max(tried, key=lambda x: x.gain)
+    least = TUNING.sure_gain if edges.sure else TUNING.least_gain
     gain = _gain(places, pairs, best.light.sun)
     if _apart(suns) <= TUNING.no_chance:  # what both halves ask for
         gain = max(gain, best.gain)

@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mirelight.base import conventions
 from mirelight.model.arrays import F64, freeze
 from mirelight.model.cones import ConeLaw
 from mirelight.model.ies import IesProfile
-from mirelight.model.light_kinds import CANDELA, LUX, LightBase, LightField, LightKind, PosedLight
+from mirelight.model.light_kinds import CANDELA, LUX, DistantLight, LampLight, LightField, LightKind, PosedLight
 from mirelight.model.surface_lights import AreaLight, GlowingLight
 
 _RANGE = LightField(
@@ -51,7 +50,7 @@ Falloff: TypeAlias = Literal["linear", "inverse-squared"]  # the real-time engin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DirectionalLight(LightBase):
+class DirectionalLight(DistantLight):
     """KHR directional light: parallel, no position, hard shadows."""
 
     KIND: ClassVar = LightKind(
@@ -67,23 +66,14 @@ class DirectionalLight(LightBase):
     penumbra_falloff: float = 1.0  # of those, directional ones (its penumbraFalloff)
     group: str | None = None  # names the layer that it shares; None: one of its own
 
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        object.__setattr__(self, "direction", conventions.unit(self.direction))
-        freeze(self, "direction", (3,), np.float64)
-
     @property
     def is_sharp(self) -> bool:
         """It is."""
         return True
 
-    def carried(self, matrix: F64) -> Self:
-        """Turned by a matrix (4, 4)."""
-        return replace(self, direction=matrix[:3, :3] @ self.direction)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PointLight(LightBase):
+class PointLight(LampLight):
     """KHR point light, or a sphere of that radius with the same candela."""
 
     KIND: ClassVar = LightKind(
@@ -106,31 +96,13 @@ class PointLight(LightBase):
     penumbra: float = 0.0  # of the real-time engine's soft shadows (its penumbraSize); 0: hard ones
     group: str | None = None  # names the layer that it shares; None: one of its own
 
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "position", (3,), np.float64)
-
-    @property
-    def place(self) -> F64:
-        """(3,) world units."""
-        return self.position
-
-    @property
-    def is_sharp(self) -> bool:
-        """Without a radius it is."""
-        return self.radius == 0
-
-    def moved_to(self, position: ArrayLike) -> Self:
-        """At another place (3,), world units."""
-        return replace(self, position=np.asarray(position, np.float64))
-
     def carried(self, matrix: F64) -> Self:
         """Carried through a matrix (4, 4), with its profile; range, radius and candela stay."""
         return replace(self, position=_moved(matrix, self.position), profile=_turned(matrix, self.profile))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SpotLight(LightBase):
+class SpotLight(LampLight):
     """KHR spot light: light fades between two half angles by a law (`model.cones`), `range` as for points."""
 
     KIND: ClassVar = LightKind(
@@ -158,26 +130,11 @@ class SpotLight(LightBase):
     group: str | None = None  # names the layer that it shares; None: one of its own
 
     def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "position", (3,), np.float64)
+        LampLight.__post_init__(self)
         object.__setattr__(self, "direction", conventions.unit(self.direction))
         freeze(self, "direction", (3,), np.float64)
         if self.profile is not None and not np.allclose(self.profile.nadir, self.direction, atol=1e-6):
             raise ValueError("SpotLight.profile: its nadir is not the spot's direction")
-
-    @property
-    def place(self) -> F64:
-        """(3,) world units."""
-        return self.position
-
-    @property
-    def is_sharp(self) -> bool:
-        """Without a radius it is."""
-        return self.radius == 0
-
-    def moved_to(self, position: ArrayLike) -> Self:
-        """At another place (3,), world units."""
-        return replace(self, position=np.asarray(position, np.float64))
 
     def carried(self, matrix: F64) -> Self:
         """Carried through a matrix (4, 4), with its profile; range, radius, cone and candela stay."""
@@ -190,7 +147,7 @@ class SpotLight(LightBase):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SunLight(LightBase):
+class SunLight(DistantLight):
     """A far disc: a directional light with an angular diameter, so soft shadow edges."""
 
     KIND: ClassVar = LightKind(
@@ -215,15 +172,6 @@ class SunLight(LightBase):
     intensity: float = 1.0  # lux on a surface facing the disc's centre
     angular_diameter: float = 0.53  # degrees, > 0
     group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        object.__setattr__(self, "direction", conventions.unit(self.direction))
-        freeze(self, "direction", (3,), np.float64)
-
-    def carried(self, matrix: F64) -> Self:
-        """Turned by a matrix (4, 4)."""
-        return replace(self, direction=matrix[:3, :3] @ self.direction)
 
 
 Light: TypeAlias = PointLight | SpotLight | SunLight | DirectionalLight | GlowingLight

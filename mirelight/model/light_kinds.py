@@ -9,10 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, cast
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from mirelight.base import conventions
-from mirelight.model.arrays import F64, ArrayHolder
+from mirelight.model.arrays import F64, ArrayHolder, freeze
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +124,61 @@ class LightBase(ArrayHolder):
         raise NotImplementedError
 
 
+class DistantLight(LightBase):
+    """Shines from far away, along a direction."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        @property
+        def direction(self) -> F64:
+            """(3,) unit, the way the light travels."""
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        object.__setattr__(self, "direction", conventions.unit(self.direction))
+        freeze(self, "direction", (3,), np.float64)
+
+    def carried(self, matrix: F64) -> Self:
+        """Turned by a matrix (4, 4)."""
+        return cast(Self, replace(cast(Any, self), direction=matrix[:3, :3] @ self.direction))
+
+
+class LampLight(LightBase):
+    """Shines from one place."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+
+        @property
+        def position(self) -> F64:
+            """(3,) world units."""
+
+        @property
+        def radius(self) -> float:
+            """World units; 0: a point with hard shadows."""
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        freeze(self, "position", (3,), np.float64)
+
+    @property
+    def place(self) -> F64:
+        """(3,) world units."""
+        return self.position
+
+    @property
+    def is_sharp(self) -> bool:
+        """Without a radius it is."""
+        return self.radius == 0
+
+    def moved_to(self, position: ArrayLike) -> Self:
+        """At another place (3,), world units."""
+        return cast(Self, replace(cast(Any, self), position=np.asarray(position, np.float64)))
+
+
 class PosedLight(LightBase):
     """A glowing surface with a pose, seen by light only: it is not part of the proxy and blocks nothing.
 
@@ -136,6 +192,10 @@ class PosedLight(LightBase):
         @property
         def world_from_light(self) -> F64:
             """(4, 4) rigid; it is aimed along its -Z."""
+
+    def __post_init__(self) -> None:
+        freeze(self, "color", (3,), np.float64)
+        freeze(self, "world_from_light", (4, 4), np.float64)
 
     @property
     def place(self) -> F64:

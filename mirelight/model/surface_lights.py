@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from mirelight.model.arrays import F64, freeze
+from mirelight.model.arrays import F64
 from mirelight.model.light_kinds import NIT, LightField, LightKind, PosedLight, UsdPrim
 
 
@@ -28,10 +28,6 @@ class AreaLight(PosedLight):
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
     intensity: float = 1.0  # candela per square metre (radiance), the same in every direction it shines
     group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "world_from_light", (4, 4), np.float64)
 
     @property
     def peak(self) -> float:
@@ -79,10 +75,6 @@ class TubeLight(PosedLight):
     color: F64 = field(default_factory=lambda: np.ones(3))  # (3,) linear
     intensity: float = 1.0  # candela per square metre (radiance), the same in every direction
     group: str | None = None  # names the layer that it shares; None: one of its own
-
-    def __post_init__(self) -> None:
-        freeze(self, "color", (3,), np.float64)
-        freeze(self, "world_from_light", (4, 4), np.float64)
 
     @property
     def peak(self) -> float:

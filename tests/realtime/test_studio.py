@@ -24,7 +24,7 @@ from mirelight.io.gltf.write import write_glb
 from mirelight.model import PointLight, ProxyMesh, SunLight
 
 from .mixer_scene import walls
-from .waiting import LIMIT, settled, until
+from .waiting import LIMIT, PAUSE, settled, until
 
 SIZE = (160, 120)
 
@@ -92,18 +92,25 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         return holds
 
     def drag(page: Page, handle: str, right: float, down: float) -> tuple[float, float]:
-        """Takes a handle along; how far it went, in pixels."""
-        places = []
-        for step in ((0, 0), (right, down)):
+        """Takes a handle along; how far it went, in pixels, once it stays there."""
+
+        def place() -> tuple[float, float]:
             box = page.locator(f".handle[title='{handle}']").bounding_box()
             assert box is not None
-            places.append((box["x"] + box["width"] / 2, box["y"] + box["height"] / 2))
-            if step == (0, 0):
-                page.mouse.move(*places[0])
-                page.mouse.down()
-                page.mouse.move(places[0][0] + right, places[0][1] + down, steps=3)
-                page.mouse.up()
-        return places[1][0] - places[0][0], places[1][1] - places[0][1]
+            return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+        def stays() -> bool:
+            before = place()
+            page.wait_for_timeout(PAUSE)
+            return place() == before
+
+        began = place()
+        page.mouse.move(*began)
+        page.mouse.down()
+        page.mouse.move(began[0] + right, began[1] + down, steps=3)
+        page.mouse.up()
+        until(page, stays)
+        return place()[0] - began[0], place()[1] - began[1]
 
     with sync_playwright() as playwright:
         flags = [flag for flag in browser.FLAGS if flag != "--headless"] + ["--no-sandbox"]

@@ -31,7 +31,7 @@ function start(view, studio) {
         tellField(label, now);
     });
     const objects = createObjects(model, {
-        view, put, again: () => again(), away: () => away(), rows: () => rows(), handles: () => showHandles(), tell: tellField,
+        view, put, again: () => again(), away: () => away(), rows: () => rows(), handles: () => later('handles', showHandles), tell: tellField,
         sent: (edit) => sent.get(edit), number: () => number
     });
     const foundBall = createBall(find('found-ball'));
@@ -153,7 +153,7 @@ function start(view, studio) {
 
     let signature = '';  // of the rows, which stay while it does
     const signed = () => JSON.stringify([chosen, objects.signature, (lighting().lights ?? []).map((x) => [x.name, x.type])]);
-    // rows are not taken away from under a pointer that is about to click on them
+    // rows and handles are not taken away from under a pointer that is about to click on them or drags them
     let pressed = false;
     const pending = new Map();
     const later = (what, act) => { if (pressed) pending.set(what, act); else act(); };

@@ -89,7 +89,7 @@ function newThing(path, [low, high], name, { eye, away, beside }) {
 // page: { again(), away(), pick(id), sent(edit), number(), handles(), put(name, body), view }
 export function createObjects(model, page) {
     const meshes = createMeshes(page.view.app);
-    let version = 0, told = [], then = [], handles = [], held = null;
+    let version = 0, told = [], then = [], knows = -1, handles = [], held = null;
     const tables = () => model.job.objects ?? [];
     const find = (list, name) => list.find((x) => x.name === name);
     const change = (name, edit) => model.change(`object ${name}`, (job) => edit(find(job.objects, name)));
@@ -97,6 +97,7 @@ export function createObjects(model, page) {
         const before = translation(find(then, table.name)), { asked: [...from] = before } = find(told, table.name) ?? {};
         return translation(table).map((x, k) => from[k] + x - before[k]);
     };
+    const ours = (handle) => held === handle || knows < page.number();  // the server is told of newer places
     const ahead = (table, { place, size }) => {
         const angle = turnOf(table) * Math.PI / 180;
         return plus(place, [Math.sin(angle), 0, Math.cos(angle)], Math.max(0.75 * size, 0.12 * page.away()));
@@ -119,23 +120,26 @@ export function createObjects(model, page) {
                 page.view.wake();
             }
             const news = told.map((x) => x.name).join() !== state.told.map((x) => x.name).join();
-            [told, then] = [state.told, page.sent(state.number)?.objects ?? then];
+            [told, then, knows] = [state.told, page.sent(state.number)?.objects ?? then, state.number];
             if (news) return page.handles();
             for (const handle of handles) {
                 const [now, table] = [find(told, handle.thing), find(tables(), handle.thing)];
                 if (!now || !table) continue;
-                const ours = held === handle || state.number < page.number();  // the server is told of newer places
-                if (!ours) handle.position = handle.turns ? ahead(table, now) : now.place;
+                if (!ours(handle)) handle.position = handle.turns ? ahead(table, now) : now.place;
                 else if (!handle.turns) meshes.shift(told.indexOf(now), [handle.position[0] - now.place[0], 0, handle.position[2] - now.place[2]]);
             }
         },
         handles() {
             const moved = { layer: -1, along: 'ground', kind: 'Object' };
+            const shown = handles;
             handles = tables().filter(canMove).flatMap((table, i) => {
                 const now = find(told, table.name);
                 if (!now) return [];
-                const one = { ...moved, thing: table.name, layer: 1000 + i };
-                return [{ ...one, name: `${table.name}: turn`, position: ahead(table, now), turns: true }, { ...one, name: table.name, position: now.place }];
+                const stays = (name, place) => {
+                    const before = find(shown, name);
+                    return { ...moved, thing: table.name, layer: 1000 + i, name, position: before && ours(before) ? before.position : place };
+                };
+                return [{ ...stays(`${table.name}: turn`, ahead(table, now)), turns: true }, stays(table.name, now.place)];
             });
             return handles;
         },

@@ -70,15 +70,8 @@ def run_bake(args: argparse.Namespace) -> int:
     if work.compositor.holds_light and out.suffix.lower() not in _WORLD:
         space = work.compositor.color_space
         notes.append(f"{out.name} cannot say that its colours are {space}; viewers take them for display values")
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        made = {"splats": len(baked), "lighting": lighting.name, "spp": args.samples}
-        print_json({"files": [out], **made, "notes": notes})
-    elif not args.quiet:
-        say.result(f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}")
-        for line in notes:
-            say.remark(line)
+    made = {"files": [out], "splats": len(baked), "lighting": lighting.name, "spp": args.samples, "notes": notes}
+    say.outcome(args, made, [f"{out}: {count(len(baked), 'splat')} under {lighting.name!r}"], notes)
     return 0
 
 

@@ -20,12 +20,10 @@ def run_cache(args: argparse.Namespace) -> int:
 
     cache = UserCache()
     if args.json:
-        from mirelight.cli.report import print_json
-
         if args.clear:
             cache.clear()
         things, size = (0, 0) if cache.folder is None else cache.held()
-        print_json({"folder": cache.folder, "things": things, "bytes": size, "most": cache.most})
+        say.as_json({"folder": cache.folder, "things": things, "bytes": size, "most": cache.most})
         return 0
     if cache.folder is None:
         say.result(f"nothing is kept: this user has no home folder, and {VARIABLE} names none")

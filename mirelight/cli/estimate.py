@@ -91,20 +91,14 @@ def _tell(
     args: argparse.Namespace, files: list[Path], use: str, light: Lighting, lines: list[str], doubts: list[str]
 ) -> None:
     """What was written, found and doubted."""
-    if args.json:
-        from mirelight.apps.inspect.facts import as_json, lighting_facts
-        from mirelight.cli.report import print_json
+    from mirelight.apps.inspect.facts import as_json, lighting_facts
 
-        captured = as_json(lighting_facts(light))
-        print_json({"files": files, "captured": captured, "use": use, "notes": lines, "unknown": doubts})
-    elif not args.quiet:
-        say.result(use)
-        for line in lines:
-            say.result(f"  {line}")
-        for line in doubts:
-            say.result(f"  ? not known  {line}")
-        for path, shown in zip([x for x in files if x.suffix == ".png"], _SHEETS, strict=False):
-            say.result(f"  picture      {path}: {shown}")
+    captured = as_json(lighting_facts(light))
+    made = {"files": files, "captured": captured, "use": use, "notes": lines, "unknown": doubts}
+    pictures = zip([x for x in files if x.suffix == ".png"], _SHEETS, strict=False)
+    shown = (f"  picture      {path}: {shows}" for path, shows in pictures)
+    said = (*(f"  {line}" for line in lines), *(f"  ? not known  {line}" for line in doubts))
+    say.outcome(args, made, [use, *said, *shown])
 
 
 def _asked(args: argparse.Namespace) -> tuple[Job, Path, Path | None]:

@@ -36,7 +36,6 @@ def run_explain(args: argparse.Namespace) -> int:
     from mirelight.apps.explain.recipe import EngineRun, run_engine
     from mirelight.apps.explain.report import write_ladder
     from mirelight.apps.explain.types import as_json, summary
-    from mirelight.cli.report import print_json
     from mirelight.compare import metrics
     from mirelight.io import job
 
@@ -59,11 +58,8 @@ def run_explain(args: argparse.Namespace) -> int:
             say.remark("the ladder starts from mirelight's prediction of the engine instead")
     ladder = replace(explain(work, camera, lighting, run, report), name=name)
     write_ladder(folder, ladder)
-    if args.json:
-        print_json({"folder": folder, **as_json(ladder)})
-    elif not args.quiet:
-        say.result(summary(ladder))
-        say.result(f"{folder / 'explain.html'} shows each step")
+    said = [summary(ladder), f"{folder / 'explain.html'} shows each step"]
+    say.outcome(args, {"folder": folder, **as_json(ladder)}, said)
     return 0
 
 

@@ -72,12 +72,7 @@ def run_export(args: argparse.Namespace) -> int:
             raise
         say.remark(f"interrupted; {counted.far} are in {args.out}, and the same command goes on from there")
         return code
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        print_json({"folder": args.out, "layout": args.layout, **counted.as_json()})
-    elif not args.quiet:
-        say.result(done)
+    say.outcome(args, {"folder": args.out, "layout": args.layout, **counted.as_json()}, [done])
     return 0
 
 

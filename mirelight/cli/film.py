@@ -45,12 +45,8 @@ def run_film(args: argparse.Namespace) -> int:
         if live:
             say.cleared()
     width, height = made.size
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        print_json({"files": [out], "frames": made.count, "size": made.size, "seconds": made.seconds})
-        return 0
-    say.result(f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}")
+    figures = {"files": [out], "frames": made.count, "size": made.size, "seconds": made.seconds}
+    say.outcome(args, figures, [f"{made.count} frames of {width} x {height}, {made.seconds:.4g} s in {out}"])
     return 0
 
 

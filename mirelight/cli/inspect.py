@@ -31,7 +31,7 @@ def run_inspect(args: argparse.Namespace) -> int:
     from mirelight.apps.inspect.facts import as_json
     from mirelight.apps.inspect.inspect import inspect, of_job
     from mirelight.cli import say
-    from mirelight.cli.report import fit_json, fit_lines, lines, print_json
+    from mirelight.cli.report import fit_json, fit_lines, lines
 
     if Path(args.file).suffix.lower() != ".toml":
         if args.heat is not None:
@@ -49,7 +49,7 @@ def run_inspect(args: argparse.Namespace) -> int:
         if args.heat is not None and (found is None or found.quality is None):
             raise InputError(args.file, "nothing to compare for --heat", _missing(work))
     if args.json:
-        print_json(as_json(facts) | ({} if found is None else fit_json(found)))
+        say.as_json(as_json(facts) | ({} if found is None else fit_json(found)))
         return 0
     say.result("\n".join([*lines(facts), *(() if found is None else fit_lines(found))]))
     if args.heat is not None:

@@ -88,18 +88,11 @@ def run_match(args: argparse.Namespace) -> int:
     text = with_lighting(source, work, found.lighting, out, remarks)
     with atomic_path(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        layers = [{k: v for k, v in asdict(x).items() if k != "keeps_colour"} for x in found.layers]
-        gain = {"psnr_before": found.psnr_before, "psnr_after": found.psnr_after, "rotation": found.rotation}
-        print_json({"files": [out], "lighting": found.lighting.name, **gain, "layers": layers})
-    elif not args.quiet:
-        say.result(f"{out}: {found.lighting.name}, {_gain(found)}")
-        for layer in found.layers:
-            say.result(f"  {_line(layer)}")
-        if found.rotation is not None:
-            say.result(f"  environment turned to {found.rotation:g} degrees")
+    layers = [{k: v for k, v in asdict(x).items() if k != "keeps_colour"} for x in found.layers]
+    gain = {"psnr_before": found.psnr_before, "psnr_after": found.psnr_after, "rotation": found.rotation}
+    said = [f"{out}: {found.lighting.name}, {_gain(found)}", *(f"  {_line(layer)}" for layer in found.layers)]
+    said += [] if found.rotation is None else [f"  environment turned to {found.rotation:g} degrees"]
+    say.outcome(args, {"files": [out], "lighting": found.lighting.name, **gain, "layers": layers}, said)
     return 0
 
 

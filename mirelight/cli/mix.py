@@ -128,9 +128,7 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
 
 
 def _print_json(made: Exported, **more: str) -> None:
-    from mirelight.cli.report import print_json
-
-    print_json({"files": [made.folder / "index.html"], **more, "notes": made.warnings})
+    say.as_json({"files": [made.folder / "index.html"], **more, "notes": made.warnings})
 
 
 def _serve(scene: Scene, made: Exported, saved: Saved, args: argparse.Namespace) -> None:

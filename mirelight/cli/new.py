@@ -46,14 +46,8 @@ def run_new(args: argparse.Namespace) -> int:
     with atomic_path(out) as temporary:
         temporary.write_text(found.text, encoding="utf-8")
     notes = (found.up, *found.not_taken, found.as_captured)
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        print_json({"files": [out], "notes": notes})
-        return 0
-    for line in notes:
-        say.result(line)
-    say.result(f"{out} is written; go on with: mirelight render {out}")
+    go_on = f"{out} is written; go on with: mirelight render {out}"
+    say.outcome(args, {"files": [out], "notes": notes}, [*notes, go_on])
     return 0
 
 

@@ -43,7 +43,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_proxy(args: argparse.Namespace) -> int:
     """The command. The quality goes to stdout, progress to stderr."""
     from mirelight.cli.progress import bar
-    from mirelight.cli.report import print_json, quality_json
+    from mirelight.cli.report import quality_json
     from mirelight.io import splats
     from mirelight.io.gltf.write import write_glb
     from mirelight.io.png import write_png
@@ -61,15 +61,11 @@ def run_proxy(args: argparse.Namespace) -> int:
         how, mesh, quality, before = _made(cloud, args, report)
         write_glb(out, mesh)
         write_png(heat, quality.heat, {})
-    if args.json:
-        earlier = None if before is None else quality_json(before)
-        found = {"triangles": quality.triangles, "how": how, "fit": quality_json(quality), "fit_before": earlier}
-        print_json({"files": [out, heat], **found, "notes": quality.advice})
-    elif not args.quiet:
-        say.result(f"{out}: {how}")
-        for line in table(quality, before, own=args.fit is None):
-            say.result(line)
-        say.result(f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)")
+    earlier = None if before is None else quality_json(before)
+    found = {"triangles": quality.triangles, "how": how, "fit": quality_json(quality), "fit_before": earlier}
+    shown = f"  heat map     {heat} (red: uncovered, blue: past the splats, yellow: off their surface)"
+    said = [f"{out}: {how}", *table(quality, before, own=args.fit is None), shown]
+    say.outcome(args, {"files": [out, heat], **found, "notes": quality.advice}, said)
     return 0
 
 
@@ -94,7 +90,6 @@ COMMAND = Command(
 
 def _of_job(args: argparse.Namespace, out: Path) -> int:
     """The command for a job: whatever its proxy is, in the world's axes."""
-    from mirelight.cli.report import print_json
     from mirelight.io import job
     from mirelight.io.gltf.write import holds_camera, write_glb
     from mirelight.pipeline.artefact_cache import NullCache
@@ -111,11 +106,9 @@ def _of_job(args: argparse.Namespace, out: Path) -> int:
     assert mesh is not None
     cameras = [x for x in work.cameras if holds_camera(x)]
     write_glb(out, mesh, cameras=cameras)
-    if args.json:
-        print_json({"files": [out], "triangles": len(mesh.faces), "cameras": len(cameras)})
-    elif not args.quiet:
-        colours = "" if mesh.vertex_colors is None else " with the capture's colours"
-        say.result(f"{out}: {len(mesh.faces):,} triangles{colours}, {len(cameras)} cameras, in the job's world")
+    colours = "" if mesh.vertex_colors is None else " with the capture's colours"
+    said = f"{out}: {len(mesh.faces):,} triangles{colours}, {len(cameras)} cameras, in the job's world"
+    say.outcome(args, {"files": [out], "triangles": len(mesh.faces), "cameras": len(cameras)}, [said])
     return 0
 
 

@@ -31,7 +31,6 @@ def run_realtime(args: argparse.Namespace) -> int:
     from mirelight.apps.realtime import pages
     from mirelight.batch.order import named
     from mirelight.cli.progress import duration
-    from mirelight.cli.report import print_json
     from mirelight.io import job
     from mirelight.pipeline.plan import plan
 
@@ -71,7 +70,7 @@ def run_realtime(args: argparse.Namespace) -> int:
         if not args.quiet and not args.json:
             say.result(files[-1])
     if args.json:
-        print_json({"files": files, "frames": len(files), "notes": notes})
+        say.as_json({"files": files, "frames": len(files), "notes": notes})
     return 0
 
 

@@ -14,7 +14,7 @@ from mirelight.batch.preview import Previews
 from mirelight.cli import export, new, progress, say, stop
 from mirelight.cli.codes import BAD, DONE
 from mirelight.cli.options import count_of, order_of
-from mirelight.cli.report import print_json, size
+from mirelight.cli.report import size
 from mirelight.model import Job
 from mirelight.model.shown import count
 from mirelight.pipeline.completeness import check
@@ -100,14 +100,11 @@ def _check(work: Job) -> None:
 def _ended(args: argparse.Namespace, tally: progress.Tally, store: Store, sets: Sequence[str]) -> int:
     """Says what is there and what is not; the exit code."""
     failed = [{"frame": frame, "error": error} for frame, error in tally.failures]
-    if args.json:
-        there = {"folder": store.folder, "frames": tally.there, "skipped": tally.skipped}
-        print_json({**there, "seconds": round(tally.elapsed, 3), "failed": failed, "notes": list(sets)})
-    elif not args.quiet:
-        existed = f", {tally.skipped} of them already there" if tally.skipped else ""
-        say.result(f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}")
-        for line in sets:
-            say.result(line)
+    there = {"folder": store.folder, "frames": tally.there, "skipped": tally.skipped}
+    existed = f", {tally.skipped} of them already there" if tally.skipped else ""
+    said = f"{_frames(tally.there)} in {_shown(store.folder)}{existed}; {progress.duration(tally.elapsed)}"
+    made = {**there, "seconds": round(tally.elapsed, 3), "failed": failed, "notes": list(sets)}
+    say.outcome(args, made, [said, *sets])
     if failed:
         say.remark(f"{_frames(len(failed))} failed; the others are there; the same command tries them again")
         return BAD
@@ -116,7 +113,7 @@ def _ended(args: argparse.Namespace, tally: progress.Tally, store: Store, sets: 
 
 def _say_forecast(found: Forecast, as_json: bool) -> None:
     if as_json:
-        print_json(found)
+        say.as_json(found)
         return
     views = f"{count(found.cameras, 'camera')}, {count(found.lightings, 'lighting')}"
     traces = f"{count(found.traces, 'trace')} of unit lights"

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import math
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, is_dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from mirelight.apps.inspect.facts import (
     Bounds,
@@ -28,31 +24,6 @@ if TYPE_CHECKING:
     from mirelight.proxy import ProxyQuality
 
 _MOST = 20  # lights or cameras that are listed
-
-
-def print_json(value: object) -> None:
-    """Print JSON that stays JSON on any terminal: what it cannot show is written as ``\\u`` escapes.
-
-    Args:
-        value: of mappings, sequences, NumPy arrays, dataclasses, paths and plain values; what is not finite is null.
-    """
-    encoding = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().replace("-", "")
-    text = json.dumps(_plain(value), indent=2, ensure_ascii=encoding != "utf8")
-    print("\n".join("".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in x) for x in text.split("\n")))
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if hasattr(value, "tolist"):  # NumPy's
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {name: _plain(x) for name, x in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(x) for x in value]
-    if isinstance(value, Path):
-        return str(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def lines(facts: Facts) -> Iterator[str]:

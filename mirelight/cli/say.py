@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
+import math
 import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from typing import Any
 
 from mirelight.base.errors import printable
 
@@ -10,6 +16,30 @@ from mirelight.base.errors import printable
 def result(text: object) -> None:
     """Print lines on stdout at once."""
     print("\n".join(printable(line) for line in str(text).split("\n")), flush=True)
+
+
+def as_json(value: object) -> None:
+    """Print JSON that stays JSON on any terminal: what it cannot show is written as ``\\u`` escapes.
+
+    Args:
+        value: of mappings, sequences, NumPy arrays, dataclasses, paths and plain values; what is not finite is null.
+    """
+    import json
+
+    encoding = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().replace("-", "")
+    text = json.dumps(_plain(value), indent=2, ensure_ascii=encoding != "utf8")
+    print("\n".join("".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in x) for x in text.split("\n")))
+
+
+def outcome(args: argparse.Namespace, value: object, lines: Iterable[str], notes: Iterable[str] = ()) -> None:
+    """What a command has made: `value` with --json, nothing with --quiet, else lines on stdout and notes on stderr."""
+    if args.json:
+        as_json(value)
+    elif not getattr(args, "quiet", False):
+        for one in lines:
+            result(one)
+        for one in notes:
+            remark(one)
 
 
 def line(text: str) -> None:
@@ -30,3 +60,18 @@ def live(text: str) -> None:
 def cleared() -> None:
     """Take the live line away."""
     print("\033[K", end="", file=sys.stderr, flush=True)
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if hasattr(value, "tolist"):  # NumPy's
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {name: _plain(x) for name, x in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(x) for x in value]
+    if isinstance(value, Path):
+        return str(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -35,15 +35,10 @@ def run_sheet(args: argparse.Namespace) -> int:
     pages = range(1, len(found) + 1 if args.all else 2)
     outputs.spare([sheets.page_file(out, number) for number in pages], [x.file for x in found if x.file is not None])
     made = sheets.write_sheets(found, out, size=int(args.size), every=args.all)
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        print_json({"files": made.pages, "frames": made.shown, "there": made.there})
-        return 0
     some = f" of {made.there}" if made.shown < made.there else ""
-    say.result(f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}")
-    if some:
-        say.remark("evenly chosen; --all draws all of them, on several sheets")
+    said = f"{made.shown}{some} frames on {', '.join(map(str, made.pages))}"
+    notes = ["evenly chosen; --all draws all of them, on several sheets"] if some else []
+    say.outcome(args, {"files": made.pages, "frames": made.shown, "there": made.there}, [said], notes)
     return 0
 
 

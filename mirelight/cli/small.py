@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from mirelight.cli import options
+from mirelight.cli import options, say
 from mirelight.cli.command import Command
 
 SHELLS = ("bash", "zsh", "tcsh")
@@ -17,28 +17,22 @@ def _shell(parser: argparse.ArgumentParser) -> None:
 def run_doctor(args: argparse.Namespace) -> int:
     """Exit code 0 where the default variant renders."""
     from mirelight.apps import doctor
-    from mirelight.cli import report, say
 
     found = doctor.look()
-    if args.json:
-        report.print_json(found)
-    else:
-        say.result("\n".join(found.lines()))
+    say.outcome(args, found, found.lines())
     return found.code
 
 
 def run_schema(args: argparse.Namespace) -> int:
     """Prints the job file's JSON schema."""
-    from mirelight.cli.report import print_json
     from mirelight.io.job import json_schema
 
-    print_json(json_schema())
+    say.as_json(json_schema())
     return 0
 
 
 def run_completion(args: argparse.Namespace) -> int:
     """Prints a shell's completion script."""
-    from mirelight.cli import say
     from mirelight.cli.completion import script
 
     say.result(script(args.parser, args.shell))

@@ -50,14 +50,9 @@ def run_stage(args: argparse.Namespace) -> int:
         notes.append(f"{len(work.cameras) - len(frames)} frames are not there, or not of the job as it is now")
     if work.objects:
         notes.append("[[objects]] are in the frames alone; the stage does not have them")
-    if args.json:
-        from mirelight.cli.report import print_json
-
-        print_json({"files": [out], "lighting": lighting.name, "frames": len(frames), "notes": notes})
-    elif not args.quiet:
-        say.result(f"{out}: the job {work.source.name} under {lighting.name!r}, {len(frames)} of its frames by name")
-        for line in notes:
-            say.remark(line)
+    said = f"{out}: the job {work.source.name} under {lighting.name!r}, {len(frames)} of its frames by name"
+    made = {"files": [out], "lighting": lighting.name, "frames": len(frames), "notes": notes}
+    say.outcome(args, made, [said], notes)
     return 0
 
 

@@ -26,13 +26,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_status(args: argparse.Namespace) -> int:
     """Prints how far an output folder is."""
     from mirelight.batch.status import status
-    from mirelight.cli.report import print_json
 
     found = status(args.folder)
-    if args.json:
-        print_json({"state": found.progress, **asdict(found)})
-    else:
-        say.result("\n".join(lines(found)))
+    say.outcome(args, {"state": found.progress, **asdict(found)}, lines(found))
     return _CODES[found.progress]
 
 

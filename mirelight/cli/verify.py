@@ -72,11 +72,10 @@ COMMAND = Command(
 
 def _as_json(args: argparse.Namespace) -> int:
     from mirelight.batch.verify import verify
-    from mirelight.cli.report import print_json
 
     heard: list[Finding] = []
     found = verify(args.folder, heard.append, rebuild=args.rebuild, step=_Said().step)
-    print_json({**asdict(found), "findings": [asdict(x) for x in heard], "folder": args.folder})
+    say.as_json({**asdict(found), "findings": [asdict(x) for x in heard], "folder": args.folder})
     return 1 if heard else 0
 
 

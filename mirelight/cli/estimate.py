@@ -184,7 +184,7 @@ def _sky(work: Job, exposure: float, lights: tuple[Light, ...]) -> EstimatedSky:
 
 def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[str]) -> tuple[str, list[Path]]:
     """Write the lights as a table or as glTF; says how the job takes them, and which files there are with the map."""
-    from mirelight.io.atomic import atomic_path
+    from mirelight.io.atomic import write_file
     from mirelight.io.gltf.write import write_lights
     from mirelight.io.job.captured_text import captured_text
 
@@ -192,8 +192,7 @@ def _written(out: Path, exr: Path, work: Job, lighting: Lighting, notes: list[st
         return os.path.relpath(path.resolve(), work.source.resolve().parent).replace(os.sep, "/")
 
     if out.suffix.lower() not in GLTF:
-        with atomic_path(out) as temporary:
-            temporary.write_text(captured_text(lighting, named(exr), notes), encoding="utf-8")
+        write_file(out, captured_text(lighting, named(exr), notes))
         return f"{out}: paste it into {work.source.name} (the map is {exr.name})", [out, exr]
     shining = [replace(light, group=None) for light in lighting.lights if light.intensity > 0]
     around = f"environment = {{ path = {_quoted(named(exr))} }}"

@@ -50,7 +50,7 @@ def run_match(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout, progress to stderr."""
     from mirelight.apps.match import match, read_target
     from mirelight.cli.progress import bar
-    from mirelight.io.atomic import atomic_path
+    from mirelight.io.atomic import write_file
     from mirelight.io.job import parse
     from mirelight.io.job.build import build
     from mirelight.io.job.write import with_lighting
@@ -86,8 +86,7 @@ def run_match(args: argparse.Namespace) -> int:
     known = [f"{x.name}: give or take {_percent(x)}" for x in found.layers if x.seen and not x.fixed]
     remarks = (made, f"(camera {', '.join(repr(x.camera.name) for x in chosen)}, {_gain(found)})", *known)
     text = with_lighting(source, work, found.lighting, out, remarks)
-    with atomic_path(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(out, text)
     layers = [{k: v for k, v in asdict(x).items() if k != "keeps_colour"} for x in found.layers]
     gain = {"psnr_before": found.psnr_before, "psnr_after": found.psnr_after, "rotation": found.rotation}
     said = [f"{out}: {found.lighting.name}, {_gain(found)}", *(f"  {_line(layer)}" for layer in found.layers)]

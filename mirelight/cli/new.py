@@ -35,7 +35,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.apps.first_job import Wish, job_for
-    from mirelight.io.atomic import atomic_path
+    from mirelight.io.atomic import write_file
     from mirelight.io.safety import existing
 
     out = outputs.named(args.out, "a job is", ".toml")
@@ -43,8 +43,7 @@ def run_new(args: argparse.Namespace) -> int:
         raise OutputError(f"{out}: is there already; name another with -o")
     objects = tuple(existing(x) for x in args.objects)
     found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects))
-    with atomic_path(out) as temporary:
-        temporary.write_text(found.text, encoding="utf-8")
+    write_file(out, found.text)
     notes = (found.up, *found.not_taken, found.as_captured)
     go_on = f"{out} is written; go on with: mirelight render {out}"
     say.outcome(args, {"files": [out], "notes": notes}, [*notes, go_on])

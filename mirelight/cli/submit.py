@@ -10,7 +10,7 @@ from pathlib import Path
 from mirelight.batch import submit
 from mirelight.cli import outputs
 from mirelight.cli.options import count_of, order_of
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 
 
 def run_submit(args: argparse.Namespace) -> int:
@@ -26,6 +26,5 @@ def run_submit(args: argparse.Namespace) -> int:
     out = Path(args.out)
     outputs.in_a_folder(out)
     outputs.spare([out], outputs.files_of(work))
-    with atomic_path(out) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(out, text)
     return 0

@@ -11,7 +11,7 @@ from typing import Any
 from mirelight.compare import figures
 from mirelight.compare.page import HEAD, static
 from mirelight.compare.types import CompareSettings, Comparison, Maps, Scores, Verdict
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 
 _TITLE = "Comparison of"
 SIGN = f"<title>{_TITLE}"  # near the beginning of a report
@@ -69,8 +69,7 @@ class Report:
             OutputError: the file cannot be written.
         """
         page = self.page(failures, unpaired)
-        with atomic_path(path) as temporary:
-            temporary.write_text(page, encoding="utf-8")
+        write_file(path, page)
 
     def page(self, failures: Sequence[str] = (), unpaired: Sequence[str] = ()) -> str:
         """The report's page as HTML text."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mirelight.compare.types import CompareSettings, Comparison, Scores
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import atomic_path, write_file
 
 SCORE_FIELDS = tuple(f.name for f in fields(Scores))
 JSON_SIGN = '{\n "settings": {\n  "exposure": '  # how a file of :func:`write_json` begins
@@ -30,8 +30,7 @@ def write_json(
     Raises:
         OutputError: the file cannot be written.
     """
-    with atomic_path(path) as temporary:
-        temporary.write_text(json_text(results, settings, failures, unpaired) + "\n", encoding="utf-8")
+    write_file(path, json_text(results, settings, failures, unpaired) + "\n")
 
 
 def json_text(

@@ -68,6 +68,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def write_file(path: str | Path, content: str | bytes) -> None:
+    """Write a whole file, text as UTF-8, as :func:`atomic_path` does, and with its errors."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 def owner_of(name: str) -> str | None:
     """The token (`mirelight.io.owner`) of the process that a temporary file's name belongs to; None of other names."""
     found = _TEMPORARY.search(name) if name.startswith(".") else None

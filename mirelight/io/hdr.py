@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mirelight.base import primaries
 from mirelight.base.errors import InputError
 from mirelight.base.primaries import Chromaticities
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.safety import existing, open_binary, read_whole, require_memory
 from mirelight.model import F32
 
@@ -70,8 +70,7 @@ def write_hdr(path: str | Path, radiance: F32) -> None:
         body = b"".join(_compressed(row) for row in rgbe)
     else:
         body = rgbe.tobytes()
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(head + body)
+    write_file(path, head + body)
 
 
 def _read_header(path: Path, data: bytes) -> tuple[int, int, int, Chromaticities | None]:

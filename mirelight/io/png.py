@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.base.png import END, SIGNATURE, png_bytes
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.safety import open_file
 from mirelight.io.views import curve_of
 from mirelight.model import F32, DisplaySettings, Profile, rules_of
@@ -94,8 +94,7 @@ def write_png(path: str | Path, pixels: NDArray[np.uint8], texts: Mapping[str, s
     Raises:
         OutputError: the file cannot be written; nothing half-written is left.
     """
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(png_bytes(pixels, texts))
+    write_file(path, png_bytes(pixels, texts))
 
 
 def read_png_text(path: str | Path) -> dict[str, str]:

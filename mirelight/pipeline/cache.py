@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import OutputError
 from mirelight.io import owner
-from mirelight.io.atomic import atomic_path, owner_of
+from mirelight.io.atomic import owner_of, write_file
 from mirelight.io.safety import open_file
 from mirelight.pipeline.codecs import Codec, Packed
 
@@ -131,8 +131,7 @@ class UserCache:
         content = packed.getvalue()
         with suppress(OSError, OutputError):
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with atomic_path(path) as temporary:
-                temporary.write_bytes(_MAGIC + hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
+            write_file(path, _MAGIC + hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
             self._tidy()
 
     def _entries(self) -> list[_Entry]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mirelight.base.errors import InputError
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.safety import read_file
 from mirelight.model import (
     LIGHT_CLASSES,
@@ -144,8 +144,7 @@ def write(index: Index, folder: Path) -> None:
     except (OSError, ValueError):
         pass
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_file(path, text)
 
 
 def read(folder: Path) -> Index:

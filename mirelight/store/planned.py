@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.safety import read_file
 from mirelight.pipeline.keys import FILE_SUFFIXES
 from mirelight.pipeline.plan import Plan
@@ -87,8 +87,7 @@ class PlannedRuns:
             with suppress(OSError):
                 os.utime(path)
             return
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(text)
+        write_file(path, text)
 
     def frames(self) -> tuple[PlannedFrame, ...]:
         """Every frame that some run was to make, as the newest of them had it, in the order of the oldest."""

@@ -11,7 +11,7 @@ from mirelight.apps.explain.types import CAUSES, Ladder, Step, write_json
 from mirelight.compare import figures, metrics
 from mirelight.compare.page import HEAD, static
 from mirelight.compare.types import Maps
-from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.atomic import output_error, write_file
 from mirelight.io.png import write_png
 from mirelight.model import F32
 
@@ -27,8 +27,7 @@ def write_html(path: Path, ladder: Ladder) -> None:
         MirelightError: a package of the extra `compare` is missing.
     """
     text = page(ladder)
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_file(path, text)
 
 
 def write_ladder(directory: Path, ladder: Ladder) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from mirelight.compare import metrics
 from mirelight.compare.types import NOISE_MARGIN, CompareSettings
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.model import F32, F64
 
 
@@ -296,5 +296,4 @@ def write_json(path: Path, ladder: Ladder) -> None:
     """
     import json
 
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(as_json(ladder), indent=1) + "\n", encoding="utf-8")
+    write_file(path, json.dumps(as_json(ladder), indent=1) + "\n")

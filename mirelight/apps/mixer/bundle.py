@@ -18,7 +18,7 @@ from mirelight.apps.mixer.layers import Mixed, MixLayers, make
 from mirelight.apps.realtime import engine
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress
-from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.atomic import atomic_path, output_error, write_file
 from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import compressed_ply, ply
 from mirelight.model import F64, Camera, Job, SplatCloud
@@ -120,8 +120,7 @@ def _copy_page(folder: Path, engine_folder: Path) -> None:
         with atomic_path(folder / "engine" / name) as temporary:
             shutil.copyfile(engine_folder / name, temporary)
     for name in PAGE:
-        with atomic_path(folder / name) as temporary:
-            temporary.write_bytes(page_file(name))
+        write_file(folder / name, page_file(name))
 
 
 def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, file: Path) -> dict[str, Any]:

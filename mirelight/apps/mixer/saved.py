@@ -7,7 +7,7 @@ from typing import Any
 
 from mirelight.base.errors import InputError
 from mirelight.io import job as jobs
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.job import Source
 from mirelight.io.job.limits import large_numbers, load_toml
 from mirelight.io.job.write import with_mix
@@ -71,8 +71,7 @@ class Saved:
             moved = {**moved, name: {**moved.get(name, {}), **plain}} if plain else moved
         made = with_mix(self._source, mix, moved, exposure, self.path, self._head)
         jobs.load_text(made, self.path)
-        with atomic_path(self.path) as temporary:
-            temporary.write_text(made, encoding="utf-8")
+        write_file(self.path, made)
 
 
 def _read(text: bytes) -> tuple[Mapping[str, Any], dict[str, Any], float]:

@@ -17,7 +17,7 @@ import numpy as np
 from mirelight.apps.realtime import captures, engine, pages
 from mirelight.base.colour import ENGINE_GAMMA
 from mirelight.base.errors import InputError, OutputError
-from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.atomic import atomic_path, output_error, write_file
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
 from mirelight.lighting.engine.raster import culling_warnings
@@ -119,8 +119,7 @@ def export(
         description["objects"] = {"file": "objects.glb"}
     if engine_lighting.environment is not None:
         write_hdr(folder / "environment.hdr", engine_lighting.environment.pixels)
-    with atomic_path(folder / "scene.json") as temporary:
-        temporary.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
+    write_file(folder / "scene.json", json.dumps(description, indent=1) + "\n")
     pages.write(folder)
     return Exported(folder=folder, description=description, warnings=warnings)
 
@@ -137,8 +136,7 @@ def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE, *
         with atomic_path(folder / "engine" / name) as temporary:
             shutil.copyfile(engine_folder / name, temporary)
     for name in page:
-        with atomic_path(folder / name) as temporary:
-            temporary.write_bytes(page_file(name))
+        write_file(folder / name, page_file(name))
 
 
 def _linked(source: Path | None, name: str, folder: Path) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mirelight.base.errors import InputError
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import atomic_path, write_file
 
 NAME = "page.json"  # beside scene.json
 PHYSICAL = "physical.png"
@@ -31,8 +31,7 @@ def write(folder: Path, frames: Sequence[str] = (), physical: Path | None = None
     else:
         (folder / PHYSICAL).unlink(missing_ok=True)
     known = {"frames": list(frames), "physical": None if physical is None else PHYSICAL}
-    with atomic_path(folder / NAME) as temporary:
-        temporary.write_text(json.dumps(known) + "\n", encoding="utf-8")
+    write_file(folder / NAME, json.dumps(known) + "\n")
 
 
 def rendered(folder: Path, frames: Sequence[str]) -> dict[str, Path]:

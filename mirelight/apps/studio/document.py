@@ -13,7 +13,7 @@ import numpy as np
 from mirelight.apps.first_job import Wish, job_for
 from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job as jobs
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.job.limits import load_toml
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.scene_tables import Transform
@@ -87,8 +87,7 @@ class Document:
             OutputError: it cannot be written.
         """
         _spare_others(self.path)
-        with atomic_path(self.path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_file(self.path, text)
 
 
 def way_of(up: str) -> tuple[float, float, float] | None:

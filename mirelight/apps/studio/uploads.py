@@ -13,7 +13,7 @@ import numpy as np
 from mirelight.apps.first_job import beside
 from mirelight.base.errors import InputError
 from mirelight.io import splats
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.mesh import read_mesh
 from mirelight.io.safety import read_bytes
 from mirelight.io.suffixes import SPLATS
@@ -91,8 +91,7 @@ def _written(folder: Path, name: str, suffixes: tuple[str, ...], body: bytes) ->
     path = _place(folder, plain[: -len(suffix)], suffix, body)
     fresh = not path.exists()
     if fresh:
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(body)
+        write_file(path, body)
     return path, fresh
 
 

@@ -14,7 +14,7 @@ from mirelight.batch.executor import Progress, RenderSummary
 from mirelight.batch.order import Order
 from mirelight.batch.preview import Pace, quick_frame, quick_job
 from mirelight.io import image
-from mirelight.io.atomic import atomic_path, output_error
+from mirelight.io.atomic import output_error, write_file
 from mirelight.model import Frame, Job
 from mirelight.pipeline import stages
 from mirelight.pipeline.artefact_cache import MemoryCache
@@ -168,8 +168,7 @@ class _Live:
             source, target = self._store.folder / f"{task.name}.png", self._folder / f"{task.name}.png"
             with suppress(OSError):
                 data = source.read_bytes()
-                with atomic_path(target) as temporary:
-                    temporary.write_bytes(data)
+                write_file(target, data)
 
     def _ready(self, scene: Scene, task: FrameTask) -> Scene:
         """The quick scene; parts that both use are made in the whole one, so that they are shared and stay."""

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.base.errors import InputError
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.cameras import colmap
 from mirelight.model import Camera
 from mirelight.model.arrays import freeze
@@ -48,8 +48,7 @@ def write(folder: Path, cameras: Sequence[Camera], pictures: Sequence[str], poin
         OutputError: as for :func:`mirelight.io.atomic.atomic_path`.
     """
     for name, data in model(folder, cameras, pictures, points):
-        with atomic_path(folder / name) as path:
-            path.write_bytes(data)
+        write_file(folder / name, data)
 
 
 def model(

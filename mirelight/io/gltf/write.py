@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mirelight.base import conventions
 from mirelight.base.errors import OutputError
 from mirelight.base.version import __version__
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.gltf.beyond import written
 from mirelight.io.gltf.material_entries import material_entry, wrap_numbers
 from mirelight.model import (
@@ -61,8 +61,7 @@ def write_glb(
         builder.add_light(light)
     for camera in cameras:
         builder.add_camera(camera)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(builder.glb())
+    write_file(path, builder.glb())
 
 
 def holds_camera(camera: Camera) -> bool:
@@ -85,8 +84,7 @@ def write_lights(path: str | Path, lights: Sequence[Light], notes: Sequence[str]
     builder = GlbBuilder(Path(path), notes=list(notes))
     for light in lights:
         builder.add_light(light)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(builder.text() if Path(path).suffix.lower() == ".gltf" else builder.glb())
+    write_file(path, builder.text() if Path(path).suffix.lower() == ".gltf" else builder.glb())
 
 
 def check_light(path: str | Path, light: Light) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError, OutputError
 from mirelight.base.sh import COEFFICIENTS
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import HANDLED_EXTENSIONS, Document, read_document
 from mirelight.io.gltf.fields import Fields
@@ -119,8 +119,7 @@ def write(cloud: SplatCloud, path: Path) -> None:
     builder.add("nodes", {"name": "splats", "mesh": builder.add("meshes", {"primitives": [primitive]})})
     if len(builder.binary) >= 2**32 - 2**20:
         raise OutputError(f"{path}: {len(cloud):,} splats are more than the 4 GB of a GLB file; nothing was written")
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(builder.glb())
+    write_file(path, builder.glb())
 
 
 def _open(path: Path) -> Document:

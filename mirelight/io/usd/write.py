@@ -18,7 +18,7 @@ from mirelight.base import colour
 from mirelight.base.errors import OutputError
 from mirelight.base.extras import require
 from mirelight.base.png import png_bytes
-from mirelight.io.atomic import atomic_path
+from mirelight.io.atomic import write_file
 from mirelight.io.environment import write_environment
 from mirelight.io.suffixes import USD
 from mirelight.io.usd.names import PrimNames
@@ -136,13 +136,11 @@ class StageWriter:
             for file, pixels in self._pictures.items():
                 place = (folder if packed else path.parent) / file
                 if pixels.dtype == np.uint8:
-                    with atomic_path(place) as temporary:
-                        temporary.write_bytes(png_bytes(pixels.astype(np.uint8, copy=False), {}))
+                    write_file(place, png_bytes(pixels.astype(np.uint8, copy=False), {}))
                 else:
                     write_environment(place, pixels.astype(np.float32, copy=False))
             made = self._made(folder)
-            with atomic_path(path) as temporary:
-                temporary.write_bytes(made.read_bytes())
+            write_file(path, made.read_bytes())
 
     def _made(self, folder: Path) -> Path:
         from pxr import Sdf, Tf, UsdUtils

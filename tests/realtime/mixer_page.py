@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.apps.mixer.bundle import page_file
 from mirelight.apps.realtime import browser
+from mirelight.apps.realtime.engine import page_file
 from mirelight.base import colour, sh
 from mirelight.compositor import Compositor
 from mirelight.compositor.engine import SOFTWARE_BITS, EngineDrawing, Loaded, engine_rank, loaded_ply
@@ -77,7 +77,7 @@ def drive(folder: Path, steps: str, size: tuple[int, int], sent: tuple[str, ...]
         RenderError: the page failed, or took longer.
     """
     driver = _DRIVER.replace("STEPS", steps).replace("WIDTH", str(size[0])).replace("HEIGHT", str(size[1]))
-    html = page_file("index.html").decode()
+    html = page_file("mixer", "index.html").decode()
     html = html.replace("</body>", '<script type="module" src="driver.mjs"></script></body>')
     limits = dict.fromkeys((*sent, "done", "failed"), 4 * size[0] * size[1] + (1 << 16))
     pages = {"driver.html": html.encode(), "driver.mjs": driver.encode()}

@@ -141,7 +141,7 @@ def test_what_was_rendered_is_read_back(rendered: tuple[Path, realtime.EngineFra
 def test_recorded_cases_are_rendered_again(data: Path, tmp_path: Path, case: str) -> None:
     recorded = data / "realtime"
     description = json.loads((recorded / case / "scene.json").read_text())
-    bundle.copy_page(tmp_path, engine.install())
+    engine.copy_page(tmp_path, "realtime", bundle.PAGE)
     for key, name in (("splat", "file"), ("proxy", "file"), ("env", "equirect")):
         if key in description:
             file = (recorded / case / description[key][name]).resolve()
@@ -513,7 +513,7 @@ def test_browser_that_ends_early_is_one_line(tmp_path: Path) -> None:
 
 
 def test_scene_that_the_engine_cannot_load_is_one_line(tmp_path: Path) -> None:
-    bundle.copy_page(tmp_path, engine.install())
+    engine.copy_page(tmp_path, "realtime", bundle.PAGE)
     description = {
         "width": 32,
         "height": 32,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ from mirelight.apps.mixer.layers import Mixed, MixLayers, make
 from mirelight.apps.realtime import engine
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress
-from mirelight.io.atomic import atomic_path, output_error, write_file
+from mirelight.io.atomic import atomic_path
 from mirelight.io.job.hashing import file_digest
 from mirelight.io.splats import compressed_ply, ply
 from mirelight.model import F64, Camera, Job, SplatCloud
@@ -72,10 +70,10 @@ def export(
     if folder.exists() and not folder.is_dir():
         raise InputError(folder, "a file", "name a folder to write into")
     chosen = tuple(x for x in job.lightings if lightings is None or x.name in lightings)
-    made_by = engine.install()
+    engine.install()
     layers = make(scene, spp=spp, lightings=chosen, progress=progress)
     assert scene.splats is not None
-    _copy_page(folder, made_by)
+    engine.copy_page(folder, "mixer", PAGE)
     (folder / DESCRIPTION).unlink(missing_ok=True)
     file, order = write_splats(scene.splats, folder)
     packed, scales = rgb9e5.pack(layers.values[:, order])
@@ -91,11 +89,6 @@ def export(
     return Exported(folder, layers, order, tuple(_warnings(job, layers)))
 
 
-def page_file(name: str) -> bytes:
-    """One of the files that ship with this package."""
-    return resources.files("mirelight.apps.mixer").joinpath("page", name).read_bytes()
-
-
 def write_splats(splats: SplatCloud, folder: Path) -> tuple[Path, NDArray[np.intp]]:
     """Splats as a page loads them: the file, and the order (N,) in which it has them.
 
@@ -109,18 +102,6 @@ def write_splats(splats: SplatCloud, folder: Path) -> tuple[Path, NDArray[np.int
         return plain, np.arange(len(splats))
     compressed_ply.write(splats, compressed)
     return compressed, compressed_ply.morton_order(splats.means)
-
-
-def _copy_page(folder: Path, engine_folder: Path) -> None:
-    try:
-        (folder / "engine").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from None
-    for name in engine.FILES.values():
-        with atomic_path(folder / "engine" / name) as temporary:
-            shutil.copyfile(engine_folder / name, temporary)
-    for name in PAGE:
-        write_file(folder / name, page_file(name))
 
 
 def _described(job: Job, splats: SplatCloud, layers: MixLayers, scales: F64, file: Path) -> dict[str, Any]:

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.apps.realtime.bundle import Exported, export, page_file
+from mirelight.apps.realtime import engine
+from mirelight.apps.realtime.bundle import Exported, export
 from mirelight.apps.realtime.server import serve
 from mirelight.base.errors import BackendError, InputError, RenderError
 from mirelight.io.atomic import atomic_path
@@ -140,7 +141,7 @@ def run_page(
 
 def _drive(folder: Path, browser: str, seconds: float, report: Report | None) -> dict[str, bytes]:
     """Open the capture page and collect what it sends."""
-    pages = {name: page_file(name) for name in _CAPTURE_PAGE}
+    pages = {name: engine.page_file("realtime", name) for name in _CAPTURE_PAGE}
     limits = dict.fromkeys(_TEXTS, _TEXT_LIMIT) | dict.fromkeys((*_IMAGES, *_BUFFERS), _BUFFER_LIMIT)
     return drive(folder, browser, seconds, page=_CAPTURE_PAGE[0], pages=pages, limits=limits, report=report)
 

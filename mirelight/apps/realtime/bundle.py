@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +13,8 @@ import numpy as np
 
 from mirelight.apps.realtime import captures, engine, pages
 from mirelight.base.colour import ENGINE_GAMMA
-from mirelight.base.errors import InputError, OutputError
-from mirelight.io.atomic import atomic_path, output_error, write_file
+from mirelight.base.errors import InputError
+from mirelight.io.atomic import write_file
 from mirelight.io.gltf.write import write_glb
 from mirelight.io.hdr import write_hdr
 from mirelight.lighting.engine.raster import culling_warnings
@@ -109,10 +106,10 @@ def export(
     views = (f"camera {x}" for x in camera_warnings(camera))
     warnings = (*views, *_settings_warnings(job), *(f"proxy: {x}" for x in behind), *light_warnings)
     description = _describe(job, camera, engine_lighting)
-    copy_page(folder, engine.install() if like is None else like / "engine", linked=like is not None)
+    engine.copy_page(folder, "realtime", PAGE, None if like is None else like / "engine")
     if scene.splats is not None:
-        description["splat"] = captures.write(job, folder, lambda target, name: _linked(like, name, target))
-    if scene.proxy is not None and not _linked(like, "proxy.glb", folder):
+        description["splat"] = captures.write(job, folder, lambda target, name: engine.linked(like, name, target))
+    if scene.proxy is not None and not engine.linked(like, "proxy.glb", folder):
         write_glb(folder / "proxy.glb", _with_normals(scene.proxy))
     if objects and scene.proxy is not None:
         write_glb(folder / "objects.glb", _with_normals(inserted(objects, scene.proxy).alone))
@@ -122,42 +119,6 @@ def export(
     write_file(folder / "scene.json", json.dumps(description, indent=1) + "\n")
     pages.write(folder)
     return Exported(folder=folder, description=description, warnings=warnings)
-
-
-def copy_page(folder: Path, engine_folder: Path, page: tuple[str, ...] = PAGE, *, linked: bool = False) -> None:
-    """Put the page and the engine's files (as hard links, if so asked) into a folder, made where it is missing."""
-    try:
-        (folder / "engine").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from None
-    for name in engine.FILES.values():
-        if linked and _linked(engine_folder, name, folder / "engine"):
-            continue
-        with atomic_path(folder / "engine" / name) as temporary:
-            shutil.copyfile(engine_folder / name, temporary)
-    for name in page:
-        write_file(folder / name, page_file(name))
-
-
-def _linked(source: Path | None, name: str, folder: Path) -> bool:
-    """Make a hard link to a file of another folder; False where there is none, or the disk knows no links."""
-    if source is None or not (source / name).is_file():
-        return False
-    target = folder / name
-    try:
-        if target.exists() and target.samefile(source / name):
-            return True
-        with atomic_path(target) as temporary:
-            temporary.unlink(missing_ok=True)
-            os.link(source / name, temporary)
-    except (OSError, OutputError):
-        return False
-    return True
-
-
-def page_file(name: str) -> bytes:
-    """One of the files that ship with this package."""
-    return resources.files("mirelight.apps.realtime").joinpath("page", name).read_bytes()
 
 
 def _with_normals(proxy: ProxyMesh) -> ProxyMesh:

@@ -8,9 +8,12 @@ import shutil
 import subprocess
 import tarfile
 import tempfile
+from collections.abc import Iterable
+from importlib import resources
 from pathlib import Path
 
-from mirelight.base.errors import BackendError
+from mirelight.base.errors import BackendError, OutputError
+from mirelight.io.atomic import atomic_path, output_error, write_file
 
 VERSION = "2.23.3"  # script and engine come from the same package: uniform names changed between 2.22 and 2.23
 SHA512 = (
@@ -99,3 +102,51 @@ def _unpack(archive: Path, folder: Path) -> Path:
     if missing:
         raise BackendError(f"PlayCanvas {VERSION} lacks {', '.join(missing)}")
     return folder
+
+
+def page_file(app: str, name: str) -> bytes:
+    """One of the files that ship with an app's page."""
+    return resources.files(f"mirelight.apps.{app}").joinpath("page", name).read_bytes()
+
+
+def copy_page(folder: Path, app: str, page: Iterable[str], like: Path | None = None) -> None:
+    """Put an app's page and the engine into a folder, made where it is missing.
+
+    Args:
+        folder: of the page; files that are there are replaced.
+        app: whose page it is.
+        page: names of its files.
+        like: another page's folder of the engine, whose files are taken as hard links where the disk can.
+
+    Raises:
+        BackendError: the engine is not installed and cannot be fetched.
+        OutputError: the folder cannot be written.
+    """
+    own = folder / "engine"
+    source = like or install()
+    try:
+        own.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from None
+    for name in FILES.values():
+        if not linked(like, name, own):
+            with atomic_path(own / name) as temporary:
+                shutil.copyfile(source / name, temporary)
+    for name in page:
+        write_file(folder / name, page_file(app, name))
+
+
+def linked(source: Path | None, name: str, folder: Path) -> bool:
+    """Make a hard link to a file of another folder; False where there is none, or the disk knows no links."""
+    if source is None or not (source / name).is_file():
+        return False
+    target = folder / name
+    try:
+        if target.exists() and target.samefile(source / name):
+            return True
+        with atomic_path(target) as temporary:
+            temporary.unlink(missing_ok=True)
+            os.link(source / name, temporary)
+    except (OSError, OutputError):
+        return False
+    return True

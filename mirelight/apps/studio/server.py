@@ -13,7 +13,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from mirelight.apps.mixer import bundle
 from mirelight.apps.mixer.asked import numbers, table, whole
 from mirelight.apps.realtime import engine
 from mirelight.apps.realtime.server import PATIENCE, Handler, answering
@@ -60,7 +59,7 @@ def serving(desk: Desk, port: int = 0) -> Iterator[str]:
     """
     installed = engine.install()
     pages = {x.name: x.read_bytes() for x in resources.files(__package__).joinpath("page").iterdir()}
-    pages |= {name: bundle.page_file(name) for name in _MIXERS}
+    pages |= {name: engine.page_file("mixer", name) for name in _MIXERS}
     pages["lights.mjs"] = f"export const LIGHTS = {json.dumps(_kinds(), ensure_ascii=False)};\n".encode()
     pages |= {f"engine/{name}": (installed / name).read_bytes() for name in engine.FILES.values()}
     handler = partial(_Page, folder=desk.folder.resolve(), pages=pages, desk=desk)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, lru_cache, partial
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.dataset.far_light import FarLight
 from mirelight.dataset.planes import Planes, ReadyView, SeenObjects, planar
-from mirelight.model import F32, Camera, LightingBuffer, LightLayer, Profile, RelightSettings, SplatLayer
+from mirelight.model import F32, Camera, LightingBuffer, LightLayer, RelightSettings, SplatLayer
 from mirelight.pipeline.captured_sun import strongest, sun_of
 from mirelight.pipeline.codecs import ARRAY, composite_of, light_of
 from mirelight.store import layer_index as indexing
@@ -192,8 +191,7 @@ class Layers:
         """The splats as a camera sees them, or those in front of objects, by their key; None: there are none."""
         if key is None:
             return None
-        profile = cast(Profile, self._index.profile)
-        found = self._kept.get(key, composite_of(view.camera, profile, self._index.linear))
+        found = self._kept.get(key, composite_of(view.camera, self._index.profile, self._index.linear))
         if found is None:
             name = view.camera.name
             raise InputError(self._folder, f"the composite of {name!r} is damaged", REMEDY)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError
+from mirelight.io import records
 from mirelight.io.decoding import opened
 from mirelight.io.exr import read_exr, to_rec709
 from mirelight.io.frame_texts import PROVENANCE, profile_of
@@ -78,7 +79,7 @@ def _rgba(values: F32) -> F32:
 def _display_of(texts: Mapping[str, Any]) -> DisplaySettings:
     """The settings that the frame's own PNG would be made with; the defaults where the file does not say."""
     try:
-        return DisplaySettings.of(json.loads(texts[PROVENANCE])["settings"]["display"])
+        return records.made(DisplaySettings, json.loads(texts[PROVENANCE])["settings"]["display"])
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         return DisplaySettings()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from mirelight.base.backend import Variant
 from mirelight.base.colour import ToneCurve
@@ -141,18 +141,6 @@ class DisplaySettings:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # display-encoded, behind the splats
     transparent: bool = False  # nothing behind the splats: the PNG has straight alpha
     backdrop: Backdrop | None = None  # light in place of that colour, in the EXR too
-
-    @staticmethod
-    def of(values: Mapping[str, Any]) -> DisplaySettings:
-        """From `dataclasses.asdict` of some, as files hold it. TypeError, KeyError or ValueError: it is none."""
-        view, behind = values.get("view"), values.get("backdrop")
-        if behind is not None:
-            ground = behind["ground"]
-            if ground is not None:
-                ground = Ground(**{**ground, "center": tuple(ground["center"])})
-            behind = Backdrop(**{**behind, "ground": ground})
-        chosen = {"view": None if view is None else DisplayView(**view), "background": tuple(values["background"])}
-        return DisplaySettings(**{**values, **chosen, "backdrop": behind})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

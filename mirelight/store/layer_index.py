@@ -6,40 +6,26 @@ A few numbers for each camera, unit light and lighting, and the keys by which co
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from mirelight.base.errors import InputError
+from mirelight.io import records
 from mirelight.io.atomic import write_file
+from mirelight.io.records import Key
 from mirelight.io.safety import read_file
-from mirelight.model import (
-    LIGHT_CLASSES,
-    Camera,
-    DisplaySettings,
-    IesProfile,
-    Light,
-    LightBase,
-    RelightSettings,
-)
-from mirelight.model.profiles import PROFILES
-from mirelight.store import fitting
+from mirelight.model import Camera, DisplaySettings, Light, Profile, RelightSettings
 
 FILE = Path(".mirelight") / "dataset.json"
 LIGHT, SCENE = Path(".mirelight") / "light", Path(".mirelight") / "scene"
 VERSION = 3
-_LIGHTS = {kind.__name__: kind for kind in LIGHT_CLASSES}
 
 
 @dataclass(frozen=True, slots=True)
 class Around:
     """Light from far away, kept as an array."""
 
-    key: str  # of a map (h, w, 3) of linear radiance, or of suns (n, 7): the way they shine, lux, degrees across
+    key: Key  # of a map (h, w, 3) of linear radiance, or of suns (n, 7): the way they shine, lux, degrees across
     rotation: float = 0.0  # degrees, of a map
     intensity: float = 1.0  # multiplies it
     color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # linear, multiplies it, too: of what is traced as it is
@@ -74,9 +60,9 @@ class Weighted:
 class KeptSight:
     """What a camera sees of an arrangement besides its light, each a key."""
 
-    glow: str  # of what surfaces send out of themselves; there is no such file where nothing glows
-    front: str | None = None  # of the splats in front of inserted objects
-    objects: str | None = None  # of which of them is seen where; None: there are none
+    glow: Key  # of what surfaces send out of themselves; there is no such file where nothing glows
+    front: Key | None = None  # of the splats in front of inserted objects
+    objects: Key | None = None  # of which of them is seen where; None: there are none
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +71,13 @@ class KeptView:
 
     camera: Camera
     light_size: tuple[int, int]  # rows and columns of the light's pictures
-    composite: str | None  # key; None: the job has no splats
-    groups: tuple[str, ...]  # keys of the traced sets
-    captured_glow: str  # key of what surfaces send out in the captured light, which knows no inserted objects
+    composite: Key | None  # key; None: the job has no splats
+    groups: tuple[Key, ...]  # keys of the traced sets
+    captured_glow: Key  # key of what surfaces send out in the captured light, which knows no inserted objects
     sights: tuple[KeptSight, ...]  # one for each arrangement
-    mirrored: tuple[str | None, ...] = ()  # keys of what the proxy's materials mirror of each set; (): of none
-    mirrored_glow: str | None = None  # key of what they mirror of what glows
-    bare: tuple[str | None, ...] = ()  # keys of the sets without objects, where their shadow is wanted
+    mirrored: tuple[Key | None, ...] = ()  # keys of what the proxy's materials mirror of each set; (): of none
+    mirrored_glow: Key | None = None  # key of what they mirror of what glows
+    bare: tuple[Key | None, ...] = ()  # keys of the sets without objects, where their shadow is wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +93,7 @@ class Arrangement:
     """Objects, each in its place."""
 
     objects: tuple[KeptObject, ...] = ()
-    boxes: str | None = None  # key of an array (n, 4, 4): world from the cube of side 1 about 0, round each of them
+    boxes: Key | None = None  # of an array (n, 4, 4): world from the cube of side 1 about 0, round each of them
     first: int = 0  # index of a set that shows all of the scene with them
 
 
@@ -120,11 +106,11 @@ class Index:
     units: tuple[UnitLight, ...]
     lightings: tuple[Weighted, ...]
     captured: Weighted | None  # where the relight mode compares with it
-    captured_level: str | None  # key of an array
+    captured_level: Key | None  # of an array
     relight: RelightSettings
     display: DisplaySettings
     denoised: bool  # the job's own frames are, after mixing; the layers are as traced
-    profile: str
+    profile: Profile
     linear: bool  # composites hold linear light
     arrangements: tuple[Arrangement, ...] = (Arrangement(),)  # ways in which objects stand in the capture
     painted: bool = False  # factors are taken from around where a mask is painted, which no layer holds
@@ -136,7 +122,7 @@ def write(index: Index, folder: Path) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    text = json.dumps({"version": VERSION, **_packed(index)}, allow_nan=False, separators=(",", ":")) + "\n"
+    text = json.dumps({"version": VERSION, **records.packed(index)}, allow_nan=False, separators=(",", ":")) + "\n"
     path = folder / FILE
     try:
         if read_file(path) == text.encode():
@@ -164,8 +150,7 @@ def read(folder: Path) -> Index:
     try:
         if data["version"] != VERSION:
             raise InputError(path, f"version {data['version']}", f"this mirelight reads version {VERSION}; {remedy}")
-        index = _index(data)
-        fitting.require(index)
+        index = records.made(Index, data)
         _require_places(index)
         return index
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError):
@@ -178,8 +163,6 @@ def _refused(constant: str) -> None:
 
 def _require_places(index: Index) -> None:
     """Raises ValueError: something names what is not there."""
-    if index.profile not in PROFILES:
-        raise ValueError("an unknown profile")
     counts = {len(view.groups) for view in index.views}
     if len(counts) != 1 or any(len(view.sights) != len(index.arrangements) for view in index.views):
         raise ValueError("views of different sets")
@@ -199,130 +182,3 @@ def _require_places(index: Index) -> None:
         x not in groups for x in (*(u.group for u in index.units), *(a.first for a in index.arrangements if groups))
     ):
         raise ValueError("a light of an unknown set")
-
-
-# --- JSON ------------------------------------------------------------------------------------------------------------
-
-
-def _packed(value: Any) -> Any:
-    match value:
-        case np.ndarray():
-            return value.tolist()
-        case float():
-            return value if math.isfinite(value) else None
-        case tuple() | list():
-            return [_packed(x) for x in value]
-        case RelightSettings() | DisplaySettings():
-            return asdict(value)
-        case Mapping():
-            return {key: _packed(x) for key, x in value.items()}
-        case IesProfile():
-            return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
-        case LightBase():
-            light: Any = value  # each class of them is a dataclass
-            own = {f.name: _packed(getattr(light, f.name)) for f in fields(light)}
-            return {"type": type(value).__name__, **own}
-        case (
-            Camera()
-            | Index()
-            | KeptView()
-            | KeptSight()
-            | Arrangement()
-            | KeptObject()
-            | UnitLight()
-            | Weighted()
-            | Around()
-        ):
-            return {f.name: _packed(getattr(value, f.name)) for f in fields(value)}
-        case _:
-            return value
-
-
-def _index(data: dict[str, Any]) -> Index:
-    captured = data["captured"]
-    return Index(
-        job=str(data["job"]),
-        views=tuple(_view(x) for x in data["views"]),
-        units=tuple(_unit(x) for x in data["units"]),
-        lightings=tuple(_weighted(x) for x in data["lightings"]),
-        captured=None if captured is None else _weighted(captured),
-        captured_level=_key_or_none(data["captured_level"]),
-        relight=RelightSettings(**data["relight"]),
-        display=DisplaySettings.of(data["display"]),
-        denoised=bool(data["denoised"]),
-        profile=str(data["profile"]),
-        linear=bool(data["linear"]),
-        arrangements=tuple(_arrangement(x) for x in data["arrangements"]),
-        painted=bool(data.get("painted", False)),
-    )
-
-
-def _arrangement(data: dict[str, Any]) -> Arrangement:
-    objects = tuple(KeptObject(str(x["name"]), str(x["category"])) for x in data["objects"])
-    return Arrangement(objects, _key_or_none(data["boxes"]), data["first"])
-
-
-def _view(data: dict[str, Any]) -> KeptView:
-    camera = {**data["camera"], "world_from_camera": np.array(data["camera"]["world_from_camera"])}
-    camera["far"] = math.inf if camera["far"] is None else camera["far"]
-    rows, columns = data["light_size"]
-    groups = tuple(_key(x) for x in data["groups"])
-    sights = tuple(
-        KeptSight(_key(x["glow"]), _key_or_none(x["front"]), _key_or_none(x["objects"])) for x in data["sights"]
-    )
-    composite, bare = _key_or_none(data["composite"]), _key(data["captured_glow"])
-    mirrored, alone = (tuple(map(_key_or_none, data[name])) for name in ("mirrored", "bare"))
-    glow = _key_or_none(data["mirrored_glow"])
-    return KeptView(Camera(**camera), (rows, columns), composite, groups, bare, sights, mirrored, glow, alone)
-
-
-def _key_or_none(value: Any) -> str | None:
-    return None if value is None else _key(value)
-
-
-def _key(value: Any) -> str:
-    """A key as a file name: what is none must lead nowhere."""
-    if not isinstance(value, str) or not value.isalnum():
-        raise ValueError
-    return value
-
-
-def _unit(data: dict[str, Any]) -> UnitLight:
-    lights = tuple(_light(x) for x in data["lights"])
-    around = tuple(_around(x) for x in data["around"])
-    return UnitLight(data["name"], data["kind"], lights, int(data["group"]), data["layer"], around)
-
-
-def _around(data: dict[str, Any]) -> Around:
-    red, green, blue = data.get("color", (1.0, 1.0, 1.0))
-    color = float(red), float(green), float(blue)
-    return Around(
-        _key(data["key"]), float(data["rotation"]), float(data["intensity"]), color, _albedo(data.get("ground"))
-    )
-
-
-def _albedo(value: Any) -> tuple[float, float, float] | None:
-    if value is None:
-        return None
-    red, green, blue = value
-    return float(red), float(green), float(blue)
-
-
-def _light(data: dict[str, Any]) -> Light:
-    kind: Callable[..., Light] = _LIGHTS[data["type"]]
-    own: dict[str, Any] = {k: np.array(v) if isinstance(v, list) else v for k, v in data.items() if k != "type"}
-    if "range" in own and own["range"] is None:
-        own["range"] = math.inf
-    if "size" in own:
-        own["size"] = tuple(data["size"])
-    if own.get("profile") is not None:
-        own["profile"] = IesProfile(**{k: np.array(v) for k, v in own["profile"].items()})
-    return kind(**own)
-
-
-def _weighted(data: dict[str, Any]) -> Weighted:
-    weights = tuple((float(r), float(g), float(b)) for r, g, b in data["weights"])
-    relight = data.get("relight")
-    settings = None if relight is None else RelightSettings(**relight)
-    groups, units = tuple(data["groups"]), tuple(data["units"])
-    return Weighted(data["name"], groups, units, weights, settings, data["arrangement"])

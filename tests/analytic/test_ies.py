@@ -15,12 +15,12 @@ import pytest
 import mirelight
 from mirelight.base.errors import InputError, MirelightError
 from mirelight.dataset import rig
+from mirelight.io import records
 from mirelight.io.ies import read_ies
 from mirelight.lighting import Tracer
 from mirelight.model import IesProfile, Lighting, PointLight, ProxyMesh, RenderSettings, SpotLight, cones, digest
 from mirelight.model.cones import ConeLaw
 from mirelight.model.playcanvas_lights import to_engine
-from mirelight.store import layer_index
 
 from .lighting_scenes import FLOOR, Array, floor_mean, join, overhead, quad, render
 
@@ -278,7 +278,7 @@ def test_a_data_set_keeps_the_table(tmp_path: Path) -> None:
     path = tmp_path / "a.ies"
     path.write_text(text(lopsided, FULL, np.arange(0.0, 361.0, 15.0)))
     lamp = PointLight(name="lamp", position=np.zeros(3), profile=profile(path, zero=np.array([0.0, 0.0, 1.0]))[0])
-    again = layer_index._light(json.loads(json.dumps(layer_index._packed(lamp))))
+    again = records.made(PointLight, json.loads(json.dumps(records.packed(lamp))))
     assert digest(again) == digest(lamp)
 
 
@@ -313,7 +313,7 @@ def test_lights_json_holds_the_table_in_the_data_sets_axes(tmp_path: Path) -> No
     np.testing.assert_allclose(written["ies"]["zero"], [0, -1, 0], atol=1e-12)
     assert written["cone"] == "playcanvas"
     np.testing.assert_allclose(written["ies"]["share"], found.share, atol=1e-5)
-    again = layer_index._light(json.loads(json.dumps(layer_index._packed(cone))))
+    again = records.made(SpotLight, json.loads(json.dumps(records.packed(cone))))
     assert digest(again) == digest(cone)
     path.write_text(GOOD)
     alike = PointLight(name="p", position=np.zeros(3), profile=profile(path)[0])

@@ -12,7 +12,7 @@ from PIL import Image
 
 from mirelight.base import colour
 from mirelight.base.errors import InputError
-from mirelight.io import image, job, views
+from mirelight.io import image, job, records, views
 from mirelight.io.display import read_display
 from mirelight.io.png import encode_display
 from mirelight.model import F32, Camera, DisplaySettings, Frame, OutputSettings, Provenance
@@ -145,7 +145,7 @@ def test_a_view_of_a_file_and_of_the_environment(tmp_path: Path, monkeypatch: py
     # Files hold the config's name, and are shown by it wherever it lies now.
     shown = pixel_settings(named)["display"]
     assert shown["view"]["config"] == "studio.ocio"
-    held = DisplaySettings.of(shown).view
+    held = records.made(DisplaySettings, shown).view
     assert held is not None and views.located(held, tmp_path / "out" / "a.exr") == named.display.view
     with pytest.raises(InputError, match=r"a view of 'studio.ocio', which is not found as it was"):
         views.located(replace(held, identity="other"), tmp_path / "a.exr")

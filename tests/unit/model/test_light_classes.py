@@ -20,6 +20,7 @@ from mirelight.base import conventions
 from mirelight.cli import report
 from mirelight.dataset import rig
 from mirelight.io import job as jobs
+from mirelight.io import records
 from mirelight.io.gltf.scene import read_lights
 from mirelight.io.gltf.write import write_lights
 from mirelight.io.job.captured_text import captured_text
@@ -43,7 +44,8 @@ from mirelight.model.light_classes import kind_named, punctual
 from mirelight.model.playcanvas_lights import to_engine
 from mirelight.model.surface_lights import DESCRIBED
 from mirelight.model.unit_lights import Unit, terms
-from mirelight.store import layer_index, layer_records
+from mirelight.store import layer_records
+from mirelight.store.layer_index import UnitLight
 
 DOCS = Path(__file__).resolve().parents[3] / "docs" / "reference"
 FLOOR = ProxyMesh(
@@ -169,8 +171,8 @@ def test_a_stage_keeps_all_and_other_programs_see_lights(tmp_path: Path) -> None
 
 @every
 def test_an_index_of_layers_keeps_it(light: Light) -> None:
-    packed = json.loads(json.dumps(layer_index._packed(light)))
-    assert digest(layer_index._light(packed)) == digest(light)
+    packed = json.loads(json.dumps(records.packed(UnitLight("lamp", "lamp", (light,), 0, ""))))
+    assert digest(*records.made(UnitLight, packed).lights) == digest(light)
     assert layer_records._kind(Unit(lights=(light,))) == light.KIND.layer
 
 

@@ -11,7 +11,7 @@ from PIL import Image
 
 from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError
-from mirelight.io import image, job
+from mirelight.io import image, job, records
 from mirelight.io.display import read_display
 from mirelight.model import (
     Backdrop,
@@ -196,7 +196,7 @@ def test_nothing_behind_is_an_alpha_channel(frame: Frame, tmp_path: Path) -> Non
 def test_a_job_says_what_is_behind(tmp_path: Path, line: str, expected: DisplaySettings) -> None:
     found = loaded(tmp_path, line)
     assert found == expected
-    assert DisplaySettings.of(asdict(found)) == found
+    assert records.made(DisplaySettings, asdict(found)) == found
 
 
 def loaded(folder: Path, line: str) -> DisplaySettings:

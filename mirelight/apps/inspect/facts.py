@@ -9,21 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from mirelight.model import (
-    F32,
-    AreaLight,
-    Camera,
-    DirectionalLight,
-    EstimatedSky,
-    Light,
-    Lighting,
-    PointLight,
-    PosedLight,
-    SkyModel,
-    SpotLight,
-    SunLight,
-    cones,
-)
+from mirelight.io.job.write import light_keys
+from mirelight.model import F32, Camera, EstimatedSky, Light, Lighting, PointLight, SkyModel, SpotLight, cones
+from mirelight.model.surface_lights import DESCRIBED
 
 if TYPE_CHECKING:
     from mirelight.io.gltf.cameras import GltfCamera
@@ -256,45 +244,20 @@ def _sky_facts(sky: SkyModel) -> SkyFacts:
 
 def light_facts(light: Light) -> LightFacts:
     """A light in the names and units of the job file."""
-    facts: dict[str, Any] = {"name": light.name, "intensity": rounded(light.intensity), "color": numbers(light.color)}
-    match light:
-        case DirectionalLight():
-            return LightFacts(type="directional", direction=numbers(light.direction), **facts)
-        case SunLight():
-            facts["angular_diameter"] = rounded(light.angular_diameter)
-            return LightFacts(type="sun", direction=numbers(light.direction), **facts)
-        case PointLight():
-            facts["ies"] = None if light.profile is None else rounded(light.intensity * light.profile.solid_angle)
-            return LightFacts(type="point", position=numbers(light.position), **_reach(light), **facts)
-        case SpotLight():
-            if light.profile is not None:
-                cone = partial(cones.share, light.cone, light.inner_cone_angle, light.outer_cone_angle)
-                facts["ies"] = rounded(light.intensity * light.profile.solid_angle_in(cone))
-            return LightFacts(
-                type="spot",
-                position=numbers(light.position),
-                direction=numbers(light.direction),
-                inner_cone_angle=rounded(math.degrees(light.inner_cone_angle)),
-                outer_cone_angle=rounded(math.degrees(light.outer_cone_angle)),
-                cone=None if light.cone == "khr" else light.cone,
-                **_reach(light),
-                **facts,
-            )
-        case AreaLight():
-            direction = None if light.shape == "sphere" else numbers(light.way)
-            facts |= {"shape": light.shape, "size": numbers(light.size), "direction": direction}
-            return LightFacts(type="area", position=numbers(light.place), **facts)
-        case PosedLight():
-            own = tuple(FieldFacts(x.name, rounded(getattr(light, x.name))) for x in light.KIND.fields)
-            facts |= {"position": numbers(light.place), "direction": numbers(light.way)}
-            return LightFacts(type=light.KIND.name, own=own, **facts)
+    said = {name: _for_people(value) for name, value in light_keys(light).items() if name not in ("group", "up")}
+    if isinstance(light, DESCRIBED):
+        said["own"] = tuple(FieldFacts(x.name, said.pop(x.name)) for x in light.KIND.fields)
+    elif isinstance(light, PointLight | SpotLight) and light.profile is not None:
+        solid_angle = light.profile.solid_angle
+        if isinstance(light, SpotLight):
+            cone = partial(cones.share, light.cone, light.inner_cone_angle, light.outer_cone_angle)
+            solid_angle = light.profile.solid_angle_in(cone)
+        said["ies"] = rounded(light.intensity * solid_angle)
+    return LightFacts(**said)
 
 
-def _reach(light: PointLight | SpotLight) -> dict[str, Any]:
-    return {
-        "range": rounded(light.range) if math.isfinite(light.range) else None,
-        "radius": rounded(light.radius) if light.radius else None,
-    }
+def _for_people(value: Any) -> Any:
+    return value if isinstance(value, str) else numbers(value) if isinstance(value, list) else rounded(value)
 
 
 def camera_facts(camera: Camera) -> CameraFacts:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,87 +161,39 @@ def _with_cone(light: Light, cone: ConeName) -> Light:
 def _light(table: AnyLight, files: LightFiles) -> Light:
     if isinstance(table, PlayCanvasTable):
         return _engine_light(table, files.engine)
-    name, color = table.name or table.type, table.rgb
+    if isinstance(table, DescribedTable):
+        return table.light(table.name or table.type)
+    own: dict[str, Any] = {"name": table.name or table.type, "group": table.group, "color": table.rgb}
     match table:
         case DirectionalTable():
-            return DirectionalLight(
-                name=name,
-                group=table.group,
-                color=color,
-                intensity=table.intensity,
-                direction=table.way,
-            )
+            return DirectionalLight(**own, intensity=table.intensity, direction=table.way)
         case SunTable():
-            return SunLight(
-                name=name,
-                group=table.group,
-                color=color,
-                intensity=table.intensity,
-                direction=table.way,
-                angular_diameter=table.angular_diameter,
-            )
+            across = table.angular_diameter
+            return SunLight(**own, intensity=table.intensity, direction=table.way, angular_diameter=across)
         case MoonTable():
-            return SunLight(
-                name=name,
-                group=table.group,
-                color=color,
-                intensity=table.lux,
-                direction=table.way,
-                angular_diameter=table.seen.diameter,
-            )
+            return SunLight(**own, intensity=table.lux, direction=table.way, angular_diameter=table.seen.diameter)
         case PointTable():
-            return _point_light(table, name, files)
+            own |= _lamp(table, table.direction or (0, -1, 0), files)
+            return PointLight(**own)
         case SpotTable():
-            return _spot_light(table, name, files)
-        case DescribedTable():
-            return table.light(name)
+            inner, outer = table.angles
+            way = _direction(table)
+            own |= _lamp(table, way, files)
+            return SpotLight(**own, direction=way, inner_cone_angle=inner, outer_cone_angle=outer, cone=table.law)
         case AreaTable():
             pose = conventions.compose(table.position)
             if table.shape != "sphere":
                 position = np.asarray(table.position)
                 pose = conventions.look_at(position, position + _direction(table), table.up)
-            width, height = table.size
-            return AreaLight(
-                name=name,
-                group=table.group,
-                color=color,
-                intensity=table.nits,
-                shape=table.shape,
-                world_from_light=pose,
-                size=(width, height),
-            )
+            size = table.size[0], table.size[1]
+            return AreaLight(**own, intensity=table.nits, shape=table.shape, world_from_light=pose, size=size)
 
 
-def _point_light(table: PointTable, name: str, files: LightFiles) -> PointLight:
-    candela, profile = _strength(table, table.direction or (0, -1, 0), files)
-    return PointLight(
-        name=name,
-        group=table.group,
-        color=table.rgb,
-        intensity=candela,
-        position=np.asarray(table.position),
-        range=table.range or math.inf,
-        radius=table.radius,
-        profile=profile,
-    )
-
-
-def _spot_light(table: SpotTable, name: str, files: LightFiles) -> SpotLight:
-    candela, profile = _strength(table, _direction(table), files)
-    return SpotLight(
-        name=name,
-        group=table.group,
-        color=table.rgb,
-        intensity=candela,
-        profile=profile,
-        position=np.asarray(table.position),
-        direction=_direction(table),
-        range=table.range or math.inf,
-        inner_cone_angle=table.angles[0],
-        outer_cone_angle=table.angles[1],
-        cone=table.law,
-        radius=table.radius,
-    )
+def _lamp(table: PointTable | SpotTable, axis: ArrayLike, files: LightFiles) -> dict[str, Any]:
+    """What points and spots have alike."""
+    candela, profile = _strength(table, axis, files)
+    place, reach = np.asarray(table.position), table.range or math.inf
+    return {"intensity": candela, "profile": profile, "position": place, "range": reach, "radius": table.radius}
 
 
 def _strength(table: PointTable | SpotTable, axis: ArrayLike, files: LightFiles) -> tuple[float, IesProfile | None]:

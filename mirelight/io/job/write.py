@@ -137,10 +137,15 @@ def _environment(table: dict[str, Any], around: Environment) -> dict[str, Any]:
 
 
 def light_table(light: Light) -> dict[str, Any]:
-    """A light as the job file has it."""
+    """A light as the job file has it. Raises InputError: it is a measured one, whose file is not known."""
     if isinstance(light, PointLight | SpotLight) and light.profile is not None:
         found = f"the light {light.name!r} has an IES profile, which a written job cannot hold"
         raise InputError("lights", found, "leave its ies out")
+    return light_keys(light)
+
+
+def light_keys(light: Light) -> dict[str, Any]:
+    """A light in the names and units of the job file, as plain values; without its profile."""
     common: dict[str, Any] = {"type": "", "name": light.name}
     if light.group is not None:
         common["group"] = light.group

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -309,41 +309,15 @@ def physical_light(light: EngineLight) -> DirectionalLight | PointLight | SpotLi
     """One light of the engine in physical units."""
     linear = light.linear_color
     peak = float(linear.max()) or 1.0
-    color = linear / peak
+    own: dict[str, Any] = {"name": light.name, "color": linear / peak, "shadows": light.cast_shadows}
+    own["penumbra"] = light.penumbra
     if light.kind == "directional":
-        return DirectionalLight(
-            name=light.name,
-            direction=light.direction,
-            color=color,
-            intensity=peak * math.pi,
-            shadows=light.cast_shadows,
-            penumbra=light.penumbra,
-            penumbra_falloff=light.penumbra_falloff,
-        )
+        softer = light.penumbra_falloff
+        return DirectionalLight(**own, direction=light.direction, intensity=peak * math.pi, penumbra_falloff=softer)
     gain = _linear_candela(light.range) if light.falloff == "linear" else math.pi * INVERSE_SQUARED_GAIN
+    own |= {"position": light.position, "intensity": peak * gain, "range": light.range, "falloff": light.falloff}
     if light.kind == "omni":
-        return PointLight(
-            name=light.name,
-            position=light.position,
-            color=color,
-            intensity=peak * gain,
-            range=light.range,
-            falloff=light.falloff,
-            shadows=light.cast_shadows,
-            penumbra=light.penumbra,
-        )
-    outer = light.cone[1]
-    return SpotLight(
-        name=light.name,
-        position=light.position,
-        direction=light.direction,
-        color=color,
-        intensity=peak * gain,
-        range=light.range,
-        inner_cone_angle=min(light.cone[0], outer - 1e-8),
-        outer_cone_angle=outer,
-        cone="playcanvas",
-        falloff=light.falloff,
-        shadows=light.cast_shadows,
-        penumbra=light.penumbra,
-    )
+        return PointLight(**own)
+    inner, outer = light.cone
+    own |= {"inner_cone_angle": min(inner, outer - 1e-8), "outer_cone_angle": outer, "cone": "playcanvas"}
+    return SpotLight(**own, direction=light.direction)

@@ -105,7 +105,6 @@ def described_light(
     *,
     color: F64,
     intensity: float = 1.0,
-    group: str | None = None,
 ) -> GlowingLight:
     """A light of one of `DESCRIBED`.
 
@@ -116,10 +115,7 @@ def described_light(
         values: of the kind's fields, by name.
         color: (3,) linear.
         intensity: in the kind's unit.
-        group: whose layer it shares.
     """
     made: Any = next(x for x in DESCRIBED if x.KIND is kind)
-    light: GlowingLight = made(
-        name=name, world_from_light=pose, color=color, intensity=intensity, group=group, **values
-    )
+    light: GlowingLight = made(name=name, world_from_light=pose, color=color, intensity=intensity, **values)
     return light

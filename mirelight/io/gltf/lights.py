@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -65,23 +66,16 @@ def _light(light: Fields, node: Node, name: str) -> PunctualLight:
     if not 0 <= intensity <= BRIGHTEST:
         raise light.fail("intensity", f"{intensity:g}", f"expected 0 to {BRIGHTEST:g}")
     kind = light.text("type")
-    position = node.world[:3, 3]
+    own: dict[str, Any] = {"name": name, "color": color, "intensity": intensity}
     if kind == "directional":
-        return DirectionalLight(name=name, direction=_direction(node), color=color, intensity=intensity)
+        return DirectionalLight(**own, direction=_direction(node))
+    own["position"] = node.world[:3, 3]
     if kind == "point":
-        return PointLight(name=name, position=position, color=color, intensity=intensity, range=_range(light))
+        return PointLight(**own, range=_range(light))
     if kind == "spot":
         inner, outer = _cone(light.child("spot"))
-        return SpotLight(
-            name=name,
-            position=position,
-            direction=_direction(node),
-            color=color,
-            intensity=intensity,
-            range=_range(light),
-            inner_cone_angle=inner,
-            outer_cone_angle=outer,
-        )
+        own |= {"direction": _direction(node), "range": _range(light)}
+        return SpotLight(**own, inner_cone_angle=inner, outer_cone_angle=outer)
     raise light.fail("type", f"{kind[:40]!r}", "expected directional, point or spot")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, create_model, model_validator
@@ -9,7 +10,7 @@ from pydantic import Field, create_model, model_validator
 from mirelight.base import conventions
 from mirelight.io.job.fields import Direction, NotNegative, Vec3
 from mirelight.io.job.lamp_tables import ColouredTable, aimed
-from mirelight.io.job.light_units import SurfaceUnit, shared_among
+from mirelight.io.job.light_units import SurfaceUnit, nits
 from mirelight.model import Light, LightKind
 from mirelight.model.surface_lights import DESCRIBED, described_light
 
@@ -46,16 +47,7 @@ class DescribedTable(ColouredTable):
         pose[:3, 3] = self.position
         values = {x.name: float(getattr(self, x.name)) for x in self.kind.fields}
         one = described_light(self.kind, name, pose, values, color=self.rgb)
-        among = {"nit": 1.0, "candela": one.peak, "lumen": one.flux}[self.unit]
-        return described_light(
-            self.kind,
-            name,
-            pose,
-            values,
-            color=self.rgb,
-            intensity=shared_among(self.intensity, among, self.kind.unit.symbol),
-            group=self.group,
-        )
+        return replace(one, intensity=nits(self.intensity, self.unit, one), group=self.group)
 
 
 def _table(kind: LightKind) -> type[DescribedTable]:

@@ -25,9 +25,9 @@ from mirelight.io.job.fields import (
     one_way,
     wrong,
 )
-from mirelight.io.job.light_units import AreaUnit, LampUnit, Shape, SunUnit, candela, nits
+from mirelight.io.job.light_units import AreaUnit, LampUnit, SunUnit, candela, nits
 from mirelight.io.job.sun_position import SOUTH, to_sun
-from mirelight.model import F64, cones
+from mirelight.model import F64, AreaLight, cones
 
 _DIRECTION = "[x, y, z], the way the light travels."
 _POSITION = "[x, y, z] in world units."
@@ -301,7 +301,9 @@ class AreaTable(ColouredTable):
     """A glowing rectangle, disk or sphere. It lights, but is not seen and blocks nothing."""
 
     type: Literal["area"]
-    shape: Shape = Field(default="rectangle", description="Form of the glowing surface.")
+    shape: Literal["rectangle", "disk", "sphere"] = Field(
+        default="rectangle", description="Form of the glowing surface."
+    )
     position: Vec3 = Field(description="[x, y, z] of its centre in world units.")
     direction: Direction | None = Field(default=None, description=_DIRECTION)
     target: Vec3 | None = Field(default=None, description=TARGET)
@@ -332,7 +334,9 @@ class AreaTable(ColouredTable):
     @property
     def nits(self) -> float:
         """The luminance in cd/m²."""
-        return nits(self.intensity, self.unit, self.shape, (self.size[0], self.size[1]))
+        size = self.size[0], self.size[1]
+        one = AreaLight(name="", shape=self.shape, world_from_light=np.eye(4), size=size)
+        return nits(self.intensity, self.unit, one)
 
 
 def aimed(light: Table, position: list[float], target: list[float] | None) -> None:

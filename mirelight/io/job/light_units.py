@@ -19,6 +19,7 @@ from pydantic import BeforeValidator
 
 from mirelight.io.job.fields import wrong
 from mirelight.io.safety import BRIGHTEST
+from mirelight.model import PosedLight
 
 # What people write, and data sheets and programs, for the names below.
 _NAMES = {
@@ -34,56 +35,38 @@ def _named(value: Any) -> Any:
     return _NAMES.get(value, value) if isinstance(value, str) else value
 
 
-SunUnit: TypeAlias = Annotated[
-    Literal["lux", "watt"],
-    BeforeValidator(_named, json_schema_input_type=Literal["lux", "watt", "lx", "watts", "W/m²", "W/m2"]),
-]
+def _spelt(*names: str) -> BeforeValidator:
+    """A unit in any of the ways that people write it, of which an editor is told these."""
+    return BeforeValidator(_named, json_schema_input_type=Literal[names])
+
+
+_LUMINOUS, _NITS = ("cd", "candelas", "lm", "lumens"), ("nits", "cd/m²", "cd/m2")
+SunUnit: TypeAlias = Annotated[Literal["lux", "watt"], _spelt("lux", "watt", "lx", "watts", "W/m²", "W/m2")]
 LampUnit: TypeAlias = Annotated[
-    Literal["candela", "lumen", "watt"],
-    BeforeValidator(
-        _named,
-        json_schema_input_type=Literal["candela", "lumen", "watt", "cd", "candelas", "lm", "lumens", "W", "watts"],
-    ),
+    Literal["candela", "lumen", "watt"], _spelt("candela", "lumen", "watt", *_LUMINOUS, "W", "watts")
 ]
 AreaUnit: TypeAlias = Annotated[
     Literal["nit", "candela", "lumen", "watt"],
-    BeforeValidator(
-        _named,
-        json_schema_input_type=Literal[
-            "nit", "candela", "lumen", "watt", "nits", "cd/m²", "cd/m2", "cd", "candelas", "lm", "lumens", "W", "watts"
-        ],
-    ),
+    _spelt("nit", "candela", "lumen", "watt", *_NITS, *_LUMINOUS, "W", "watts"),
 ]
 SurfaceUnit: TypeAlias = Annotated[
-    Literal["nit", "candela", "lumen"],
-    BeforeValidator(
-        _named,
-        json_schema_input_type=Literal[
-            "nit", "candela", "lumen", "nits", "cd/m²", "cd/m2", "cd", "candelas", "lm", "lumens"
-        ],
-    ),
+    Literal["nit", "candela", "lumen"], _spelt("nit", "candela", "lumen", *_NITS, *_LUMINOUS)
 ]
-Shape: TypeAlias = Literal["rectangle", "disk", "sphere"]
 
 
 def candela(value: float, unit: LampUnit, solid_angle: float = 4 * math.pi) -> float:
     """Luminous intensity of a lamp on its axis; `solid_angle` (sr) is what its lumens go to."""
     if unit == "candela":
         return value
-    return shared_among(value, 4 * math.pi if unit == "watt" else solid_angle, "cd")
+    return _shared_among(value, 4 * math.pi if unit == "watt" else solid_angle, "cd")
 
 
-def nits(value: float, unit: AreaUnit, shape: Shape, size: tuple[float, float]) -> float:
-    """Luminance (cd/m²) of a glowing surface; `size` in world units as in the job."""
-    if unit == "nit":
-        return value
-    area = size[0] * size[1] * (1.0 if shape == "rectangle" else math.pi / 4)  # of what is seen along the axis
-    if unit != "candela":  # Lambert: pi times the whole surface, which of a ball is four times its silhouette
-        area *= 4 * math.pi if shape == "sphere" else math.pi
-    return shared_among(value, area, "cd/m²")
+def nits(value: float, unit: AreaUnit, one: PosedLight) -> float:
+    """Luminance (cd/m²) of a glowing surface, of which `one` has a luminance of 1."""
+    return _shared_among(value, {"nit": 1.0, "candela": one.peak}.get(unit, one.flux), one.KIND.unit.symbol)
 
 
-def shared_among(value: float, among: float, unit: str) -> float:
+def _shared_among(value: float, among: float, unit: str) -> float:
     """An intensity that is shared among so many sr or square world units, in `unit`. Raises what `wrong` makes."""
     found = 0.0 if value == 0 else value / among if among > 0 else math.inf
     if found > BRIGHTEST:

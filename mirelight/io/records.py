@@ -43,7 +43,7 @@ def made(kind: type[_T], values: Any) -> _T:
     for field in fields(cast(Any, kind)):
         if field.name in values:
             value = values[field.name]
-            endless = field.name in _ENDLESS and value is None
+            endless = field.name in _ENDLESS and value in (None, math.inf)
             own[field.name] = math.inf if endless else _value(hints[field.name], value)
     return kind(**own)
 

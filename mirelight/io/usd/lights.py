@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
+from mirelight.io import records
 from mirelight.io.environment import read_environment
 from mirelight.io.gltf.names import unique_names
 from mirelight.io.ies import read_ies
@@ -39,7 +39,7 @@ from mirelight.model.ies import AROUND, DOWN
 from mirelight.model.surface_lights import DESCRIBED, described_light
 
 _CELLS = 8  # along each side of a textured rectangle
-_MODELS: dict[str, Any] = {x.__name__: x for x in LIGHT_CLASSES}
+_CLASSES = {x.__name__: x for x in LIGHT_CLASSES}
 # A prim whose X axis stands where -Z of a light's pose is.
 X_AIMED = np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1.0]])
 _EDGE = 1e-6  # rad: inner and outer half angle of a hard cone are this far apart
@@ -125,18 +125,12 @@ def _lamps(read: Read, row: LightRow, name: str) -> list[Light]:
 
 def _exact(read: Read, row: LightRow, name: str) -> Light:
     """A lamp as this package wrote it beside UsdLux's words."""
-    values = dict(row.exact or {})
-    kind = _MODELS.get(str(values.pop("type", "")))
+    values = {**(row.exact or {}), "name": name}
     try:
-        if kind is None:
-            raise ValueError
-        arrays = {key: np.array(x) if isinstance(x, list) and key != "size" else x for key, x in values.items()}
-        size = {"size": tuple(values["size"])} if "size" in values else {}
-        light: Light = kind(**(arrays | size | {"name": name}))
-    except (TypeError, ValueError):
+        return records.made(_CLASSES[values["type"]], values)
+    except (KeyError, TypeError, ValueError):
         found = "mirelight's own values of a light, damaged"
         raise InputError(read.path, found, "clear the prim's customData", field=row.prim) from None
-    return light
 
 
 def _area(
@@ -197,7 +191,6 @@ def _is_shaped(row: LightRow) -> bool:
 
 def _shaped(read: Read, row: LightRow, name: str, pose: F64) -> Light:
     """A light whose luminance differs by direction: as bright, from afar, as its surface seen from there."""
-    own = conventions.map_direction(0, 0)  # shape alone
     theta = np.linspace(0, math.pi, DOWN)[None, :]
     phi = np.arange(AROUND)[:, None] * (2 * math.pi / AROUND)
     # Directions of the table, in the light's own axes: from its -Z, around from its +X (counter-clockwise from +Z).

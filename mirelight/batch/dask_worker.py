@@ -16,7 +16,6 @@ from mirelight.batch.messages import Reporter, Word
 from mirelight.batch.order import Order
 from mirelight.batch.processes import threads_of
 from mirelight.batch.worker import WorkerContext
-from mirelight.pipeline.plan import FrameTask
 
 
 def host(worker: str) -> str:
@@ -110,17 +109,10 @@ class _Teller(Reporter):
         super().__init__(lambda word: self.said.say(word))
         self.said, self.halted = said, halted
 
-    def _check(self) -> None:
+    def check(self) -> None:
+        """Raises KeyboardInterrupt."""
         if self.said.task.run in self.halted:
             raise KeyboardInterrupt
-
-    def samples(self, task: FrameTask, done: int, total: int) -> None:
-        super().samples(task, done, total)
-        self._check()
-
-    def finished(self, task: FrameTask, skipped: bool) -> None:
-        super().finished(task, skipped)
-        self._check()
 
 
 _HERE: _DaskWorker | None = None

@@ -45,11 +45,14 @@ class Word:
 
 
 class Reporter(Progress):
-    """Tells every step as a word."""
+    """Tells every step as a word, and ends the work between two of them where `check` raises."""
 
     def __init__(self, say: Callable[[Word], None]) -> None:
         self._say = say
         self._last = 0.0
+
+    def check(self) -> None:
+        """Raises what ends the work; here nothing does."""
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """A few times a second."""
@@ -57,10 +60,12 @@ class Reporter(Progress):
         if now - self._last >= _EVERY:
             self._last = now
             self._say(Word(SAMPLES, (task.name, done, total)))
+        self.check()
 
     def finished(self, task: FrameTask, skipped: bool) -> None:
         """Passes on that a frame is finished."""
         self._say(Word(FINISHED, (task.name, int(skipped))))
+        self.check()
 
     def failed(self, task: FrameTask, error: str) -> None:
         """A frame could not be made."""

@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from types import FrameType
 
 from mirelight.base.errors import InputError, MirelightError
@@ -19,7 +19,6 @@ from mirelight.batch import executor, messages
 from mirelight.batch.executor import RenderSummary
 from mirelight.batch.messages import Reporter, Word
 from mirelight.batch.order import Order, fingerprint
-from mirelight.pipeline.plan import FrameTask
 from mirelight.pipeline.scene import prepare
 from mirelight.store import Store
 
@@ -86,14 +85,6 @@ class _Stopping(Reporter):
         if self._noted is not None:
             raise SystemExit(128 + signal.SIGTERM)
 
-    def samples(self, task: FrameTask, done: int, total: int) -> None:
-        super().samples(task, done, total)
-        self.check()
-
-    def finished(self, task: FrameTask, skipped: bool) -> None:
-        super().finished(task, skipped)
-        self.check()
-
 
 def main() -> int:
     """The process: exit code 0 where its watcher ended it, 2 where nothing could go on."""
@@ -159,7 +150,7 @@ def _say(word: Word) -> None:
 _TOLD = sys.stdout
 
 
-def _take_stdout(arguments: Sequence[str] = ()) -> None:
+def _take_stdout() -> None:
     """What libraries print goes to stderr; stdout is for words."""
     global _TOLD
     _TOLD = os.fdopen(os.dup(1), "w", encoding="utf-8")

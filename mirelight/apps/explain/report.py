@@ -19,17 +19,6 @@ _ENOUGH = 0.75  # the lead names causes until they make this share of the differ
 _MOST_NAMED = 3
 
 
-def write_html(path: Path, ladder: Ladder) -> None:
-    """Write the report.
-
-    Raises:
-        OutputError: the file cannot be written.
-        MirelightError: a package of the extra `compare` is missing.
-    """
-    text = page(ladder)
-    write_file(path, text)
-
-
 def write_ladder(directory: Path, ladder: Ladder) -> None:
     """Write explain.html, explain.json and a PNG of every rung into a folder, which is made where it is missing.
 
@@ -45,7 +34,7 @@ def write_ladder(directory: Path, ladder: Ladder) -> None:
         pixels = np.rint(rung.frame * np.float32(255)).astype(np.uint8)
         write_png(directory / f"{k:02d}-{rung.name}.png", pixels, {})
     write_json(directory / "explain.json", ladder)
-    write_html(directory / "explain.html", ladder)
+    write_file(directory / "explain.html", page(ladder))
 
 
 def page(ladder: Ladder) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError
+from mirelight.base.names import FreeNames
 from mirelight.io.exr import Metadata
 from mirelight.model import PROFILES, Camera, Exposure, Frame, LightingBuffer, Profile, Provenance
 
@@ -32,15 +33,9 @@ _CAMERA_FIELDS = ("name", "projection", "width", "height", "fx", "fy", "cx", "cy
 
 def layer_names(names: tuple[str, ...]) -> tuple[str, ...]:
     """EXR layer names of lights: letters, digits and underscores (what Nuke keeps), unique, ``light_`` before."""
-    out: list[str] = []
-    for name in names:
-        plain = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:_MAX_LAYER_NAME]
-        base, number = f"light_{plain or 'unnamed'}", 2
-        candidate = base
-        while candidate in out:
-            candidate, number = f"{base}_{number}", number + 1
-        out.append(candidate)
-    return tuple(out)
+    plain = ("".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:_MAX_LAYER_NAME] for name in names)
+    free = FreeNames(separator="_")
+    return tuple(free.take(f"light_{name or 'unnamed'}") for name in plain)
 
 
 # --- written ---------------------------------------------------------------------------------------------------------

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.names import FreeNames
 from mirelight.model import F32, Lighting, ParallelLight
-from mirelight.model.results import EMISSION, free_layer_name
+from mirelight.model.results import EMISSION
 
 MAX_LAYERS = 64  # above this many they become one: a layer's film takes 36 bytes a pixel
 
@@ -44,9 +45,9 @@ class Layers:
             of_light[: len(lighting.lights)] = [names.index(x.group or x.name) for x in lighting.lights]
         environment = emission = 0
         if lighting.environment:
-            environment, names = len(names), (*names, free_layer_name(lighting.environment.name, names))
+            environment, names = len(names), (*names, FreeNames(names).take(lighting.environment.name))
         if emissive:
-            emission, names = len(names), (*names, free_layer_name(EMISSION, names))
+            emission, names = len(names), (*names, FreeNames(names).take(EMISSION))
         return Layers(names, of_light, environment=environment, emission=emission)
 
 

@@ -248,14 +248,6 @@ class Matte(ArrayHolder):
 EMISSION = "emission"  # the layer of what the proxy's own surfaces send out
 
 
-def free_layer_name(name: str, taken: Sequence[str]) -> str:
-    """The name, or with the first number from 2 on that makes it new."""
-    candidate, number = name, 2
-    while candidate in taken:
-        candidate, number = f"{name}-{number}", number + 1
-    return candidate
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
     """What made an output; written into every file."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mirelight.base.names import FreeNames
 from mirelight.model import F32, F64, Camera, LightingBuffer, LightLayer
-from mirelight.model.results import EMISSION, free_layer_name
+from mirelight.model.results import EMISSION
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
 
 BEAUTY = "beauty"  # the one layer where nobody asks for more
@@ -52,7 +53,7 @@ def mix(
     shares = [found for i in range(len(mixture.terms)) if (found := _share(i, mixture, traced)) is not None]
     glow = traced.get(GLOW.digest)
     if glow is not None:
-        name = free_layer_name(EMISSION, [x.name for x in shares])
+        name = FreeNames(x.name for x in shares).take(EMISSION)
         shares += [_Share(name, layer, np.ones(3)) for layer in glow.layers]
     beside = {name: buffer.objects for name, buffer in traced.items() if buffer.objects is not None}
     return replace(

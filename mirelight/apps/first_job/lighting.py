@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,9 @@ from mirelight.apps.first_job import beside, view
 from mirelight.apps.first_job.toml_text import Names, position
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
+from mirelight.base.names import FreeNames
 from mirelight.base.sh import C0
 from mirelight.model import F64, Camera, SplatCloud
-
-if TYPE_CHECKING:
-    from mirelight.io.job.lighting import FreeNames
 
 _LIGHTS = ("sun", "point")
 _FILL = 0.35  # cd/m² all around, under the sun
@@ -52,8 +49,6 @@ def lightings(
         level: of the captured light, cd/m²; new light is as bright.
         named: paths as the job has them.
     """
-    from mirelight.io.job.lighting import FreeNames
-
     names = FreeNames()
     if _file_of(light) is None:
         kind = light or ("point" if seen.room else "sun")

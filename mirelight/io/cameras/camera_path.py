@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Angle, FileCamera
 from mirelight.io.cameras.transforms import trained_world
@@ -40,9 +39,9 @@ def read(path: Path, data: dict[str, Any], dataparser: Path | None) -> tuple[Fil
     world = np.eye(4) if dataparser is None else np.linalg.inv(trained_world(dataparser))
     out = []
     for i, entry in enumerate(reading.objects(path, "camera_path", data.get("camera_path")), start=1):
-        fail = partial(_fail, entry, "camera_to_world")
+        fail = partial(entry.fail, "camera_to_world")
         matrix = entry.vector("camera_to_world", 16).reshape(4, 4)
-        degrees = reading.field_of_view(entry.number("fov"), partial(_fail, entry, "fov"))
+        degrees = reading.field_of_view(entry.number("fov"), partial(entry.fail, "fov"))
         out.append(
             FileCamera(
                 name=f"path.{i:04d}",
@@ -51,7 +50,3 @@ def read(path: Path, data: dict[str, Any], dataparser: Path | None) -> tuple[Fil
             )
         )
     return tuple(out)
-
-
-def _fail(fields: Fields, key: str, found: str, remedy: str) -> InputError:
-    return fields.fail(key, found, remedy)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics
@@ -98,13 +99,13 @@ def read(cameras: Path, images: Path) -> tuple[FileCamera, ...]:
 
 
 def _placed(file: Path, image: _Image, name: str, lenses: dict[int, Lens]) -> FileCamera:
-    fail = partial(_error, file, image.where)
+    fail = partial(InputError, file, field=image.where)
     lens = lenses.get(image.camera)
     if lens is None:
         raise fail(f"camera {image.camera}, which the model does not have", "the model is incomplete")
     if not all(math.isfinite(x) for x in image.pose):
         raise fail("a pose that is not finite", "the file is damaged")
-    matrix = reading.composed(reading.rotation_of(image.pose[:4], fail), image.pose[4:])
+    matrix = conventions.compose(image.pose[4:], reading.rotation_of(image.pose[:4], fail))
     return FileCamera(
         name=name,
         world_from_camera=reading.inverse(reading.rigid(matrix, fail)) @ reading.FLIP,
@@ -114,12 +115,8 @@ def _placed(file: Path, image: _Image, name: str, lenses: dict[int, Lens]) -> Fi
     )
 
 
-def _error(file: Path, where: str, found: str, remedy: str) -> InputError:
-    return InputError(file, found, remedy, field=where)
-
-
 def _lens(model: Model, width: int, height: int, values: tuple[float, ...], file: Path, where: str) -> Lens:
-    fail = partial(_error, file, where)
+    fail = partial(InputError, file, field=where)
     if not model.focals:
         raise fail(f"the camera model {model.name}, which no pinhole stands for", "undistort the model in COLMAP")
     if not all(math.isfinite(x) for x in values):
@@ -167,7 +164,7 @@ def _text_lenses(file: Path) -> Iterator[tuple[int, Lens]]:
         if not line or line.startswith("#"):
             continue
         where, words = f"line {number}", line.split()
-        fail = partial(_error, file, where)
+        fail = partial(InputError, file, field=where)
         if len(words) < 4:
             raise fail(f"{len(words)} words", "a camera is CAMERA_ID MODEL WIDTH HEIGHT PARAMETERS")
         model = _BY_NAME.get(words[1])
@@ -187,7 +184,7 @@ def _text_images(file: Path) -> Iterator[_Image]:
         if not line or line.startswith("#"):
             continue
         where, words = f"line {number}", line.split(maxsplit=9)
-        fail = partial(_error, file, where)
+        fail = partial(InputError, file, field=where)
         if len(words) < 10:
             raise fail(f"{len(words)} words", "an image is IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME")
         if len(words[9]) > LONGEST_NAME:
@@ -288,7 +285,5 @@ def _binary_images(file: Path) -> Iterator[_Image]:
 
 def pose(world_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """COLMAP's quaternion (4,) wxyz and translation (3,) of a pose (4, 4) in glTF's camera axes."""
-    from mirelight.base import conventions
-
     inverse = reading.inverse(np.asarray(world_from_camera, dtype=np.float64) @ reading.FLIP)
     return conventions.quaternion_from_rotation(inverse[:3, :3]), inverse[:3, 3]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.base.errors import InputError
+from mirelight.base import conventions
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import FileCamera
 from mirelight.io.gltf.fields import Fields
@@ -38,17 +38,13 @@ def _camera(entry: Fields, name: str) -> FileCamera:
     rows = [
         Fields(entry.file, entry.where, {f"rotation[{i}]": r}).vector(f"rotation[{i}]", 3) for i, r in enumerate(value)
     ]
-    pose = reading.rigid(reading.composed(rows, entry.vector("position", 3)), partial(_fail, entry, "rotation"))
+    pose = reading.rigid(conventions.compose(entry.vector("position", 3), rows), partial(entry.fail, "rotation"))
     return FileCamera(
         name=name,
         world_from_camera=pose @ reading.FLIP,
-        lens=reading.intrinsics(lens, size, partial(_fail, entry, "fx")),
+        lens=reading.intrinsics(lens, size, partial(entry.fail, "fx")),
         picture=entry.text("img_name", ""),
     )
-
-
-def _fail(entry: Fields, key: str, found: str, remedy: str) -> InputError:
-    return entry.fail(key, found, remedy)
 
 
 def entry(camera: Camera, number: int) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import FileCamera
@@ -64,8 +65,8 @@ def _polycam(file: Path, name: str) -> FileCamera:
     lens = tuple(fields.number(key) for key in ("fx", "fy", "cx", "cy"))
     return FileCamera(
         name=name,
-        world_from_camera=reading.rigid(matrix, partial(_fail, fields, "t_00")),
-        lens=reading.intrinsics(lens, size, partial(_fail, fields, "fx")),
+        world_from_camera=reading.rigid(matrix, partial(fields.fail, "t_00")),
+        lens=reading.intrinsics(lens, size, partial(fields.fail, "fx")),
         picture=file.stem,
     )
 
@@ -80,7 +81,7 @@ def read_record3d(path: Path, data: dict[str, Any]) -> tuple[FileCamera, ...]:
     top = Fields(path, "", data)
     size = reading.side(top, "w"), reading.side(top, "h")
     k = top.vector("K", 9)
-    lens = reading.intrinsics((k[0], k[4], k[6], k[7]), size, partial(_fail, top, "K"))
+    lens = reading.intrinsics((k[0], k[4], k[6], k[7]), size, partial(top.fail, "K"))
     poses = data["poses"]
     if not isinstance(poses, list):
         raise top.fail("poses", "not an array of cameras")
@@ -89,12 +90,8 @@ def read_record3d(path: Path, data: dict[str, Any]) -> tuple[FileCamera, ...]:
     for i, value in enumerate(poses):
         key = f"poses[{i}]"
         row = Fields(path, "", {key: value}).vector(key, 7)
-        fail = partial(_fail, top, key)
+        fail = partial(top.fail, key)
         rotation = reading.rotation_of(row[[3, 0, 1, 2]], fail)
-        pose = reading.rigid(reading.composed(rotation, row[4:]), fail)
+        pose = reading.rigid(conventions.compose(row[4:], rotation), fail)
         out.append(FileCamera(name=str(i), world_from_camera=pose, lens=lens))
     return tuple(out)
-
-
-def _fail(fields: Fields, key: str, found: str, remedy: str) -> InputError:
-    return fields.fail(key, found, remedy)

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
+from mirelight.base.names import FreeNames
 from mirelight.io.cameras.placed import Intrinsics
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.safety import read_bytes
@@ -109,8 +111,6 @@ def rigid(matrix: ArrayLike, fail: Callable[[str, str], InputError]) -> Matrix:
 
 def rotation_of(wxyz: ArrayLike, fail: Callable[[str, str], InputError]) -> Matrix:
     """The rotation (3, 3) of a quaternion of any length but zero. Raises InputError."""
-    from mirelight.base import conventions
-
     q = np.asarray(wxyz, dtype=np.float64)
     with np.errstate(over="ignore"):
         length = float(np.linalg.norm(q))
@@ -119,17 +119,10 @@ def rotation_of(wxyz: ArrayLike, fail: Callable[[str, str], InputError]) -> Matr
     return conventions.rotation_from_quaternion(q / length)
 
 
-def composed(rotation: ArrayLike, position: ArrayLike) -> Matrix:
-    """The matrix (4, 4) of a rotation (3, 3) and a position (3,)."""
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = rotation, position
-    return out
-
-
 def inverse(pose: Matrix) -> Matrix:
     """The inverse (4, 4) of a rigid matrix."""
     r, t = pose[:3, :3], pose[:3, 3]
-    return composed(r.T, -r.T @ t)
+    return conventions.compose(-r.T @ t, r.T)
 
 
 def side(fields: Fields, name: str) -> int:
@@ -164,27 +157,11 @@ def picture_names(raw: Iterable[str]) -> list[str]:
     folders = [p[:-1] for p in parts]
     while folders and all(len(f) > shared and f[shared] == folders[0][shared] for f in folders):
         shared += 1
-    names = []
+    free, names = FreeNames(), list[str]()
     for p in parts:
         last = re.sub(r"(?<=.)\.(?=\w*[A-Za-z])\w{1,5}$", "", p[-1])
-        names.append(_tidy("_".join([*p[shared:-1], last])))
-    return distinct(names)
-
-
-def distinct(names: Iterable[str]) -> list[str]:
-    """The names, with a number on those that are taken: a, a-2, a-3."""
-    taken: set[str] = set()
-    numbers: dict[str, int] = {}
-    out = []
-    for name in names:
-        free, number = name, numbers.get(name, 1)
-        while free in taken:
-            number += 1
-            free = f"{name}-{number}"
-        numbers[name] = number
-        taken.add(free)
-        out.append(free)
-    return out
+        names.append(free.take(_tidy("_".join([*p[shared:-1], last]))))
+    return names
 
 
 def _tidy(name: str) -> str:

@@ -89,7 +89,7 @@ def _values(key: Fields, fov: float) -> Sequence[float]:
 
 
 def _camera(path: Path, name: str, values: F64) -> FileCamera:
-    fail = partial(_fail, path, name)
+    fail = partial(InputError, path, field=f"camera {name!r}")
     position, target, fov = values[:3], values[3:6], float(values[6])
     if not np.all(np.abs(values) <= 1e9):
         raise fail("a position beyond all scenes", "the project is damaged")
@@ -101,7 +101,3 @@ def _camera(path: Path, name: str, values: F64) -> FileCamera:
         world_from_camera=pose,
         lens=Angle(degrees=reading.field_of_view(fov, fail), side="longer"),
     )
-
-
-def _fail(path: Path, name: str, found: str, remedy: str) -> InputError:
-    return InputError(path, found, remedy, field=f"camera {name!r}")

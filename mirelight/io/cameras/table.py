@@ -70,7 +70,7 @@ class _Row:
 
     def __init__(self, path: Path, number: int, cells: dict[str, str]) -> None:
         self.cells = cells
-        self.fail = partial(_error, path, f"line {number}")
+        self.fail = partial(InputError, path, field=f"line {number}")
 
     def has(self, *names: str) -> bool:
         return any(self.cells.get(name) for name in names)
@@ -99,17 +99,13 @@ class _Row:
         return int(value)
 
 
-def _error(path: Path, where: str, found: str, remedy: str) -> InputError:
-    return InputError(path, found, remedy, field=where)
-
-
 def _pose(row: _Row, axes: Axes) -> Matrix:
     position = row.vector(_POSITION)
     if row.has(*_QUATERNION):
         if row.has(*_TARGET):
             raise row.fail("both a quaternion and a target", "keep one of them")
         rotation = reading.rotation_of(row.vector(_QUATERNION), row.fail)
-        pose = reading.rigid(reading.composed(rotation, position), row.fail)
+        pose = reading.rigid(conventions.compose(position, rotation), row.fail)
         return pose @ reading.FLIP if axes == "opencv" else pose
     target = row.vector(_TARGET)
     up = row.vector(_UP) if row.has(*_UP) else np.array([0.0, 1.0, 0.0])

@@ -65,7 +65,7 @@ def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path |
         remedy = 'say axes = "opencv" if they look along their +Z, or axes = "opengl" if they are right'
         raise InputError(path, found, remedy, field="frames")
     for frame, name, pose in zip(frames, names, poses, strict=True):
-        fail = partial(_fail, frame, "transform_matrix")
+        fail = partial(frame.fail, "transform_matrix")
         pose = reading.rigid(undo @ (pose @ reading.FLIP if axes == "opencv" else pose), fail)
         if world is not None:
             pose = reading.rigid(world @ pose, fail)
@@ -84,7 +84,7 @@ def trained_world(path: Path) -> Matrix:
         raise InputError(path, "the JSON is not an object")
     fields = Fields(path, "", data)
     matrix = reading.rows(fields, "transform")
-    reading.rigid(matrix, partial(_fail, fields, "transform"))
+    reading.rigid(matrix, partial(fields.fail, "transform"))
     scale = fields.number("scale", 1.0)
     if not 1e-9 < scale < 1e9:
         raise fields.fail("scale", f"{scale:g}", "it must be positive")
@@ -117,7 +117,7 @@ def _applied(top: Fields) -> Matrix:
     out = np.eye(4)
     if "applied_transform" in top:
         matrix = reading.rows(top, "applied_transform")
-        reading.rigid(matrix, partial(_fail, top, "applied_transform"))
+        reading.rigid(matrix, partial(top.fail, "applied_transform"))
         out = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     if "applied_scale" in top:
         scale = top.number("applied_scale")
@@ -146,12 +146,12 @@ def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | None]:
         if size is None:
             raise source.fail("w", "missing", "a focal length in pixels needs w and h")
         values = (fx, source.number("fl_y", fx), source.number("cx", size[0] / 2), source.number("cy", size[1] / 2))
-        lens = reading.intrinsics(values, size, partial(_fail, source, "fl_x"))
+        lens = reading.intrinsics(values, size, partial(source.fail, "fl_x"))
         return lens, _distortion(source, model)
     if "camera_angle_x" not in source:
         raise source.fail("", "no lens", "fl_x, or camera_angle_x, is expected in the frame or at the top")
     degrees = math.degrees(source.number("camera_angle_x"))
-    degrees = reading.field_of_view(degrees, partial(_fail, source, "camera_angle_x"))
+    degrees = reading.field_of_view(degrees, partial(source.fail, "camera_angle_x"))
     angle = Angle(degrees=degrees, side="horizontal", size=size)
     if size is None:
         return angle, None
@@ -159,10 +159,10 @@ def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | None]:
     fy = centered.fy
     if "camera_angle_y" in source:
         vertical = math.degrees(source.number("camera_angle_y"))
-        vertical = reading.field_of_view(vertical, partial(_fail, source, "camera_angle_y"))
+        vertical = reading.field_of_view(vertical, partial(source.fail, "camera_angle_y"))
         fy = Angle(degrees=vertical, side="vertical").fitted(size).fy
     values = (centered.fx, fy, source.number("cx", size[0] / 2), source.number("cy", size[1] / 2))
-    lens = reading.intrinsics(values, size, partial(_fail, source, "camera_angle_x"))
+    lens = reading.intrinsics(values, size, partial(source.fail, "camera_angle_x"))
     return lens, _distortion(source, model)
 
 
@@ -174,10 +174,6 @@ def _distortion(source: Fields, model: str) -> Distortion | None:
         k = tuple(source.number(name, 0.0) for name in _RADIAL)
         p = [source.number(name, 0.0) for name in _TANGENTIAL]
     return Distortion(model=model, radial=k, tangential=(p[0], p[1])) if any(k) or any(p) else None
-
-
-def _fail(fields: Fields, key: str, found: str, remedy: str) -> InputError:
-    return fields.fail(key, found, remedy)
 
 
 # --- writing ---------------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from mirelight.base.errors import printable
+from mirelight.base.names import FreeNames
 
 
 def unique_names(candidates: Sequence[tuple[str, ...]]) -> list[str]:
@@ -18,22 +19,8 @@ def unique_names(candidates: Sequence[tuple[str, ...]]) -> list[str]:
     candidates = [tuple(printable(name) for name in row) for row in candidates]
     chosen: list[str] = []
     shared = Counter(name for row in candidates for name in set(row) if name)
-    taken: set[str] = set()
-    numbers: dict[str, int] = {}
+    free = FreeNames(separator=" ")
     for row in candidates:
         given = [name.strip() for name in row if name.strip()]
-        name = next((x for x in given[:-1] if shared[x] == 1 and x not in taken), "")
-        name = name or _numbered(given[0], taken, numbers)
-        taken.add(name)
-        chosen.append(name)
+        chosen.append(free.take(next((x for x in given[:-1] if shared[x] == 1 and x not in free), given[0])))
     return chosen
-
-
-def _numbered(name: str, taken: set[str], numbers: dict[str, int]) -> str:
-    """`numbers` holds the number to try first for each name, so that many of one name take no longer each."""
-    number, out = numbers.get(name, 1), name
-    while out in taken:
-        number += 1
-        out = f"{name} {number}"
-    numbers[name] = number
-    return out

@@ -11,6 +11,7 @@ import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
+from mirelight.base.names import FreeNames
 from mirelight.io.job import sampling
 from mirelight.io.job.camera_file_tables import SENSOR_WIDTH, ShutterTable
 from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name
@@ -30,7 +31,6 @@ from mirelight.io.job.camera_tables import (
     TurntableTable,
 )
 from mirelight.io.job.fields import PROXY
-from mirelight.io.job.lighting import FreeNames
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand

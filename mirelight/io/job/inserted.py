@@ -11,6 +11,7 @@ import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
+from mirelight.base.names import FreeNames
 from mirelight.io.job import placing
 from mirelight.io.job.scene_tables import KeyTable, ObjectTable, ScatterTable, Transform
 from mirelight.model import Deferred, Inserted, Material, ProxyMesh, Scatter, digest
@@ -79,16 +80,8 @@ def _scatter(table: ScatterTable) -> Scatter:
 
 def named_apart(objects: Sequence[Inserted]) -> tuple[Inserted, ...]:
     """Objects, of which a later one of the same name has a number behind it."""
-    taken: set[str] = set()
-    out: list[Inserted] = []
-    for one in objects:
-        name, number = one.name, 1
-        while name in taken:
-            number += 1
-            name = f"{one.name} {number}"
-        taken.add(name)
-        out.append(replace(one, name=name))
-    return tuple(out)
+    names = FreeNames(separator=" ")
+    return tuple(replace(one, name=names.take(one.name)) for one in objects)
 
 
 def _mesh(path: Path, m: Matrix, look: _Look) -> ProxyMesh:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
+from mirelight.base.names import FreeNames
 from mirelight.io.ies import IesFile
 from mirelight.io.job.described_tables import DescribedTable
 from mirelight.io.job.lamp_tables import (
@@ -93,25 +94,6 @@ def unique(lights: list[Light], around: Iterable[str] = (ENVIRONMENT,)) -> tuple
     """The lights with names that differ from each other and from those of the environment's layers."""
     names = FreeNames(around)
     return tuple(x if (name := names.take(x.name)) == x.name else replace(x, name=name) for x in lights)
-
-
-class FreeNames:
-    """Gives names that differ: lamp, lamp-2, lamp-3. A hundred thousand lamps take no longer each than the first."""
-
-    def __init__(self, taken: Iterable[str] = ()) -> None:
-        self._taken = set(taken)
-        self._next: dict[str, int] = {}  # the number to try first
-
-    def take(self, name: str) -> str:
-        """`name`, or with a number where it is taken; taken from now on."""
-        out = name
-        if name in self._taken:
-            number = self._next.get(name, 2)
-            while (out := f"{name}-{number}") in self._taken:
-                number += 1
-            self._next[name] = number + 1
-        self._taken.add(out)
-        return out
 
 
 def choose(

@@ -14,9 +14,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from mirelight.base.errors import InputError
+from mirelight.base.names import FreeNames
 from mirelight.io.job import overrides
 from mirelight.io.job.light_tables import LightingTable
-from mirelight.io.job.lighting import FreeNames, LightFiles, lighting
+from mirelight.io.job.lighting import LightFiles, lighting
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ObjectTable
 from mirelight.io.job.settings_tables import RelightTable

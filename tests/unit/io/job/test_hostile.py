@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from mirelight.base.errors import InputError, ManyInputsError, OutputError, printable
+from mirelight.base.names import FreeNames
 from mirelight.io import job
 from mirelight.io.atomic import atomic_path
 from mirelight.io.gltf.names import unique_names
-from mirelight.io.job.lighting import FreeNames
 
 from .conftest import Complaints, WriteJob
 

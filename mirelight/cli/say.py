@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, is_dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable
 
 from mirelight.base.errors import printable
 
@@ -26,8 +22,10 @@ def as_json(value: object) -> None:
     """
     import json
 
+    from mirelight.io.records import packed
+
     encoding = (getattr(sys.stdout, "encoding", None) or "utf-8").lower().replace("-", "")
-    text = json.dumps(_plain(value), indent=2, ensure_ascii=encoding != "utf8")
+    text = json.dumps(packed(value), indent=2, ensure_ascii=encoding != "utf8")
     print("\n".join("".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in x) for x in text.split("\n")))
 
 
@@ -60,18 +58,3 @@ def live(text: str) -> None:
 def cleared() -> None:
     """Take the live line away."""
     print("\033[K", end="", file=sys.stderr, flush=True)
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON has it."""
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if hasattr(value, "tolist"):  # NumPy's
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {name: _plain(x) for name, x in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(x) for x in value]
-    if isinstance(value, Path):
-        return str(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value

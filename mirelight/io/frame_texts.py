@@ -6,9 +6,7 @@ docs/reference/outputs.md lists them.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,7 +16,8 @@ from numpy.typing import NDArray
 from mirelight.base.errors import InputError
 from mirelight.base.names import FreeNames
 from mirelight.io.exr import Metadata
-from mirelight.model import PROFILES, Camera, Exposure, Frame, LightingBuffer, Profile, Provenance
+from mirelight.io.records import made, packed
+from mirelight.model import PROFILES, Camera, Frame, LightingBuffer, Profile, Provenance
 
 FINGERPRINT = "mirelight/fingerprint"
 PROVENANCE = "mirelight/provenance"
@@ -28,7 +27,7 @@ SAMPLING = "mirelight/sampling"
 PROFILE = "mirelight/profile"
 
 _MAX_LAYER_NAME = 38  # Blender cuts channel names at 63 characters
-_CAMERA_FIELDS = ("name", "projection", "width", "height", "fx", "fy", "cx", "cy", "near")
+_UNSEEN = ("time", "frame", "share")  # fields of a camera that are no part of what it sees
 
 
 def layer_names(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -49,13 +48,16 @@ def texts_of(frame: Frame, *, noise: bool) -> dict[str, str]:
         noise: whether to say the error that the lighting reached, which costs as much as encoding the picture.
     """
     linear = frame.splats is not None and frame.splats.linear
-    found = {CAMERA: _json(_camera_values(frame.camera)), PROFILE: _json({"name": frame.profile, "linear": linear})}
+    found = {
+        CAMERA: _json({k: x for k, x in packed(frame.camera).items() if k not in _UNSEEN}),
+        PROFILE: _json({"name": frame.profile, "linear": linear}),
+    }
     if frame.lighting is not None:
         names = tuple(layer.name for layer in frame.lighting.layers)
         found[SAMPLING] = _json(_sampling_values(frame.lighting, noise))
         found[LIGHTS] = _json(dict(zip(layer_names(names), names, strict=True)), sort=False)
     if frame.made_by is not None:
-        found[PROVENANCE] = _json(_provenance_values(frame.made_by))
+        found[PROVENANCE] = _json(frame.made_by)
         if frame.made_by.fingerprint:
             found[FINGERPRINT] = frame.made_by.fingerprint
     return found
@@ -113,31 +115,9 @@ def _sampling_values(lighting: LightingBuffer, noise: bool) -> dict[str, Any]:
     }
 
 
-def _camera_values(camera: Camera) -> dict[str, Any]:
-    values = {name: getattr(camera, name) for name in _CAMERA_FIELDS}
-    values |= {"far": camera.far, "world_from_camera": camera.world_from_camera.tolist()}
-    lens = camera.exposure
-    if lens is not None:
-        values["exposure"] = {x.name: getattr(lens, x.name) for x in fields(lens) if x.name != "poses"}
-        values["exposure"]["poses"] = None if lens.poses is None else lens.poses.tolist()
-    return values
-
-
-def _provenance_values(made_by: Provenance) -> dict[str, Any]:
-    return {entry.name: getattr(made_by, entry.name) for entry in fields(made_by)}
-
-
 def _json(values: Any, *, sort: bool = True) -> str:
     """ASCII JSON: the same input gives the same bytes. Numbers that JSON does not have (NaN, infinite) are null."""
-    return json.dumps(_plain(values), sort_keys=sort, default=str, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return json.dumps(packed(values), sort_keys=sort, default=str, allow_nan=False)
 
 
 # --- read back -------------------------------------------------------------------------------------------------------
@@ -171,16 +151,7 @@ def camera_of(path: Path, texts: Mapping[str, Any]) -> Camera:
     if values is None:
         raise InputError(path, "not a frame that mirelight wrote", "give the EXR file of a frame")
     try:
-        far = float("inf") if values["far"] is None else values["far"]
-        lens = values.get("exposure")
-        if lens is not None and lens["shutter"] is not None:
-            lens["shutter"] = tuple(lens["shutter"])
-        return Camera(
-            exposure=None if lens is None else Exposure(**lens),
-            **{name: values[name] for name in _CAMERA_FIELDS},
-            far=far,
-            world_from_camera=np.asarray(values["world_from_camera"], np.float64),
-        )
+        return made(Camera, values)
     except (KeyError, TypeError, ValueError) as e:
         found = f"a camera that cannot be used ({type(e).__name__})"
         raise InputError(path, found, "the file is damaged", field=CAMERA) from None

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -23,8 +24,12 @@ def packed(value: Any) -> Any:
     if is_dataclass(value):
         own = {field.name: packed(getattr(value, field.name)) for field in fields(value)}
         return {"type": type(value).__name__, **own} if isinstance(value, LightBase) else own
-    if isinstance(value, np.ndarray):
-        return value.tolist()
+    if isinstance(value, np.ndarray | np.generic):
+        return packed(value.tolist())
+    if isinstance(value, Mapping):
+        return {name: packed(x) for name, x in value.items()}
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, tuple | list):
         return [packed(x) for x in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
+from mirelight.base.errors import InputError
 from mirelight.base.layouts import LAYOUTS, Layout
 from mirelight.dataset.layouts.coco import check_coco, write_coco
-from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
+from mirelight.dataset.layouts.colmap import write_colmap
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.hub import check_hub, configs, write_hub
-from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
-from mirelight.dataset.layouts.olat import check_olat, write_olat
-from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture, Pixels, Shared
+from mirelight.dataset.layouts.hub import configs, write_hub
+from mirelight.dataset.layouts.nerf import write_nerf
+from mirelight.dataset.layouts.olat import write_olat
+from mirelight.dataset.layouts.pictures import Geometry, Labelled, Part, Picture, Pixels, Shared, check_lenses
 from mirelight.dataset.layouts.points import points_of
-from mirelight.dataset.layouts.tensoir import check_tensoir, write_tensoir
+from mirelight.dataset.layouts.tensoir import write_tensoir
 from mirelight.dataset.layouts.tum import check_tum, write_tum
 from mirelight.dataset.layouts.world import world_of
 from mirelight.model import Camera
@@ -48,11 +50,19 @@ __all__ = [
 class Writer:
     """Writes a data set in one layout."""
 
-    check: Callable[[Sequence[Camera], Shared], None]  # raises InputError before anything is written
     write: Callable[[Files, Iterable[Picture], Shared], None]
     loading: str  # Python that loads a set, run in its folder; {lighting} and {set} are filled in
+    refuse: Callable[[Sequence[Camera], Shared], None] = lambda cameras, shared: None  # what this layout cannot hold
     configs: Callable[[Mapping[Part, int]], list[str]] = lambda parts: []  # lines for the head of the set's page
     notes: Callable[[Shared, str], str] = lambda shared, lighting: ""  # for the page; the lighting to train on
+
+    def check(self, cameras: Sequence[Camera], shared: Shared) -> None:
+        """Refuse what a data set cannot hold before anything is written. Raises InputError."""
+        for camera in cameras:
+            if camera.projection != "perspective":
+                found = f"camera {camera.name!r} is orthographic"
+                raise InputError(shared.source, found, "data sets hold pinholes alone")
+        self.refuse(cameras, shared)
 
 
 def _nerfstudio(shared: Shared, lighting: str) -> str:
@@ -83,54 +93,52 @@ def _sequence(shared: Shared, lighting: str) -> str:
 
 WRITERS: Mapping[Layout, Writer] = {
     "nerf": Writer(
-        check_nerf,
         write_nerf,
         'import json\n\nframes = json.load(open("{lighting}/transforms.json"))["frames"]\nprint(len(frames))',
+        check_lenses,
         notes=_nerfstudio,
     ),
     "colmap": Writer(
-        check_colmap,
         write_colmap,
         'import pycolmap\n\nmodel = pycolmap.Reconstruction("{lighting}/sparse/0")\nprint(model.num_images())',
     ),
     "tensoir": Writer(
-        check_tensoir,
         write_tensoir,
         "import json\nfrom pathlib import Path\n\nimport numpy as np\nfrom PIL import Image\n\n"
         'folder = sorted(Path().glob("*_[0-9][0-9][0-9]"))[0]\n'
         'meta = json.load(open(folder / "metadata.json"))\n'
         'pose = np.array([float(x) for x in meta["cam_transform_mat"].split(",")]).reshape(4, 4)\n'
         'print(pose.shape, Image.open(folder / "rgba_{lighting}.png").mode)',
+        partial(check_lenses, square=True),
         notes=_built_in,
     ),
     "olat": Writer(
-        check_olat,
         write_olat,
         'import json\n\nframes = json.load(open("transforms_train.json"))["frames"]\nprint(frames[0]["pl_pos"])',
+        check_lenses,
     ),
     "coco": Writer(
-        check_coco,
         write_coco,
         'from pycocotools.coco import COCO\n\nset_ = COCO("annotations/instances_train.json")\nprint(len(set_.anns))',
+        check_coco,
     ),
     "hub": Writer(
-        check_hub,
         write_hub,
         "from pathlib import Path\n\nfrom datasets import load_dataset\n\n"
         "place = str(Path().resolve())  # or the name of the set on the hub\n"
         'data = load_dataset(place, split="train", streaming=True)\n'
         'sample = next(iter(data))\nprint(sample["png"].mode, sample["json"]["camera"])',
-        configs,
-        _webdataset,
+        configs=configs,
+        notes=_webdataset,
     ),
     "tum": Writer(
-        check_tum,
         write_tum,
         "import numpy as np\nfrom PIL import Image\n\n"
         'poses = np.loadtxt("{lighting}/groundtruth.txt", ndmin=2)  # time, tx ty tz, qx qy qz qw\n'
         'time, name = open("{lighting}/depth.txt").readlines()[-1].split()\n'
         'depth = np.asarray(Image.open("{lighting}/" + name)) / 5000\n'
         "print(poses.shape, depth.shape)",
+        check_tum,
         notes=_sequence,
     ),
 }

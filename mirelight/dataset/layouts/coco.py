@@ -18,13 +18,12 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import Picture, Shared, check_pinholes, opencv_pose
+from mirelight.dataset.layouts.pictures import Picture, Shared, opencv_pose
 from mirelight.model import F32, Camera
 
 
 def check_coco(cameras: Sequence[Camera], shared: Shared) -> None:
-    """Raises InputError: a camera that the layout cannot hold, or nothing to be found in its pictures."""
-    check_pinholes(shared.source, cameras)
+    """Raises InputError: nothing to be found in pictures."""
     if not shared.objects:
         remedy = "put some into the job ([[objects]]), or leave the layout coco out"
         raise InputError(shared.source, "no inserted objects to find in pictures", remedy)

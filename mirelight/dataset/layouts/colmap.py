@@ -7,21 +7,16 @@ sorted names themselves; INRIA's takes sparse/0/test.txt instead where it is sta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 from mirelight.base import conventions
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import Picture, Shared, Split, check_pinholes
+from mirelight.dataset.layouts.pictures import Picture, Shared, Split
 from mirelight.dataset.layouts.points import moved
 from mirelight.dataset.layouts.shared import write_environments, write_geometry
 from mirelight.io.cameras import colmap_write
 from mirelight.model import Camera
-
-
-def check_colmap(cameras: Sequence[Camera], shared: Shared) -> None:
-    """Raises InputError: a camera that the layout cannot hold."""
-    check_pinholes(shared.source, cameras)
 
 
 def write_colmap(files: Files, pictures: Iterable[Picture], shared: Shared) -> None:

@@ -21,21 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.dataset.layouts.files import Files, write_pixels
-from mirelight.dataset.layouts.pictures import PARTS, Part, Picture, Shared, check_pinholes
+from mirelight.dataset.layouts.pictures import PARTS, Part, Picture, Shared
 from mirelight.dataset.layouts.shared import ENVIRONMENTS, write_environments
 from mirelight.dataset.layouts.tensoir import albedo_rgba
 from mirelight.io.cameras.transforms import lens_entry, matrix_entry
-from mirelight.model import Camera, digest
+from mirelight.model import digest
 
 SHARDS = "shards"
 SPLIT_OF: Mapping[Part, str] = {part: "train" if part == "seen" else part for part in PARTS}
 _MOST_BYTES = 512 * 2**20  # of a shard, by a guess at a pixel's bytes
 _PIXEL_BYTES = 26
-
-
-def check_hub(cameras: Sequence[Camera], shared: Shared) -> None:
-    """Raises InputError: a camera that the layout cannot hold."""
-    check_pinholes(shared.source, cameras)
 
 
 def write_hub(files: Files, pictures: Iterable[Picture], shared: Shared) -> None:

@@ -11,12 +11,12 @@ and not the poses, whereas all of them lie in one world here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import SPLITS, Part, Picture, Shared, check_lenses, check_pinholes
+from mirelight.dataset.layouts.pictures import SPLITS, Part, Picture, Shared
 from mirelight.dataset.layouts.points import moved, ply_bytes
 from mirelight.dataset.layouts.shared import ENVIRONMENTS, GEOMETRY, write_environments, write_geometry
 from mirelight.io.cameras.transforms import lens_entry, matrix_entry
@@ -41,12 +41,6 @@ class _Written:
         return f"images/{self.name}.png"
 
 
-def check_nerf(cameras: Sequence[Camera], shared: Shared) -> None:
-    """Raises InputError: a camera that the layout cannot hold."""
-    check_pinholes(shared.source, cameras)
-    check_lenses(shared.source, cameras)
-
-
 def write_nerf(files: Files, pictures: Iterable[Picture], shared: Shared, *, blender: bool = True) -> None:
     """Write pictures and cameras in the layout `nerf`.
 
@@ -54,7 +48,7 @@ def write_nerf(files: Files, pictures: Iterable[Picture], shared: Shared, *, ble
         files: of the data set.
         pictures: taken one by one, so that they need not be in memory together.
         shared: what they have in common.
-        blender: write transforms_SPLIT.json, too, which hold one centred angle of view alone (:func:`check_nerf`).
+        blender: write transforms_SPLIT.json, too, which hold one centred angle of view alone (:func:`check_lenses`).
 
     Raises:
         OutputError: a file cannot be written.

@@ -9,20 +9,13 @@ have Z up.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import SPLITS, Picture, Shared, check_lenses, check_pinholes
+from mirelight.dataset.layouts.pictures import SPLITS, Picture, Shared
 from mirelight.dataset.layouts.shared import write_geometry
 from mirelight.io.cameras.transforms import matrix_entry
-from mirelight.model import Camera
-
-
-def check_olat(cameras: Sequence[Camera], shared: Shared) -> None:
-    """Raises InputError: a camera that the layout cannot hold."""
-    check_pinholes(shared.source, cameras)
-    check_lenses(shared.source, cameras)
 
 
 def write_olat(files: Files, pictures: Iterable[Picture], shared: Shared) -> None:

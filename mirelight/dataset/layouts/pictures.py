@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mirelight.base import colour, conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
+from mirelight.base.names import FreeNames
 from mirelight.dataset.layouts.world import scale_of
 from mirelight.io.cameras.colmap_write import Points
 from mirelight.io.cameras.reading import FLIP
@@ -246,26 +247,19 @@ def with_alpha(colors: F32, coverage: F32) -> U8:
 
 def file_names(names: Sequence[str], empty: str) -> dict[str, str]:
     """By each name a different one of letters, digits, "-" and "_", also where a file system tells no capitals."""
-    out: dict[str, str] = {}
-    taken: set[str] = set()
+    out, free = dict[str, str](), FreeNames()
     for name in names:
         stem = re.sub(r"[^A-Za-z0-9-]+", "_", name).strip("_") or empty
-        own, number = stem, 1
-        while own.casefold() in taken:
-            number += 1
-            own = f"{stem}-{number}"
-        taken.add(own.casefold())
-        out[name] = own
+        out[name] = stem + free.take(stem.casefold())[len(stem) :]
     return out
 
 
-def check_lenses(source: Path, cameras: Sequence[Camera], *, shared: bool = True, square: bool = False) -> None:
+def check_lenses(cameras: Sequence[Camera], shared: Shared, *, square: bool = False) -> None:
     """Refuse what a layout with one angle of view cannot say.
 
     Args:
-        source: that it is said of.
         cameras: of the set.
-        shared: all have the same angle of view and size.
+        shared: what the set's pictures have in common.
         square: the layout's loaders know square pictures alone.
 
     Raises:
@@ -279,7 +273,7 @@ def check_lenses(source: Path, cameras: Sequence[Camera], *, shared: bool = True
             found = "has different focal lengths along x and y"
         elif square and camera.width != camera.height:
             found = f"is {camera.width} x {camera.height} pixels, and the layout's loaders take square ones alone"
-        elif shared and (
+        elif (
             abs(camera.fx * first.width - first.fx * camera.width) > SAME * first.fx * camera.width
             or camera.width * first.height != camera.height * first.width
         ):
@@ -287,14 +281,7 @@ def check_lenses(source: Path, cameras: Sequence[Camera], *, shared: bool = True
         else:
             continue
         remedy = "the layout has one centred angle of view; render such cameras apart, or use the layout colmap"
-        raise InputError(source, f"camera {camera.name!r} {found}", remedy)
-
-
-def check_pinholes(source: Path, cameras: Sequence[Camera]) -> None:
-    """Refuse orthographic cameras, which no layout holds. Raises InputError."""
-    for camera in cameras:
-        if camera.projection != "perspective":
-            raise InputError(source, f"camera {camera.name!r} is orthographic", "data sets hold pinholes alone")
+        raise InputError(shared.source, f"camera {camera.name!r} {found}", remedy)
 
 
 def _bytes(values: F32) -> U8:

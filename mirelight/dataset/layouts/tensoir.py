@@ -10,23 +10,16 @@ box of ±1.5 built in. `transforms_SPLIT.json` is NeRFactor's. Worlds have Z up.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from mirelight.base import colour
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import U8, Picture, Pixels, Shared, check_lenses, check_pinholes, with_alpha
+from mirelight.dataset.layouts.pictures import U8, Picture, Pixels, Shared, with_alpha
 from mirelight.dataset.layouts.shared import ENVIRONMENTS, write_environments
 from mirelight.io.cameras.transforms import matrix_entry
-from mirelight.model import Camera
-
-
-def check_tensoir(cameras: Sequence[Camera], shared: Shared) -> None:
-    """Raises InputError: a camera that the layout cannot hold."""
-    check_pinholes(shared.source, cameras)
-    check_lenses(shared.source, cameras, square=True)
 
 
 def write_tensoir(files: Files, pictures: Iterable[Picture], shared: Shared) -> None:

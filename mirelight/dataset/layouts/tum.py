@@ -21,7 +21,7 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.dataset.layouts.files import Files
-from mirelight.dataset.layouts.pictures import SAME, Picture, Shared, check_pinholes, depth_steps, opencv_pose
+from mirelight.dataset.layouts.pictures import SAME, Picture, Shared, depth_steps, opencv_pose
 from mirelight.model import Camera
 
 STEPS = 5000.0  # of depth, in a world unit, which is a metre
@@ -36,7 +36,6 @@ _HEADS = {
 
 def check_tum(cameras: Sequence[Camera], shared: Shared) -> None:
     """Raises InputError: a camera that the layout cannot hold, or nothing near enough to have a depth in it."""
-    check_pinholes(shared.source, cameras)
     for camera in cameras:
         first = cameras[0]
         if (camera.width, camera.height) != (first.width, first.height):

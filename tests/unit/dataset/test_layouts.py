@@ -17,14 +17,13 @@ import trimesh
 from PIL import Image
 
 from mirelight.base.errors import InputError
-from mirelight.dataset.layouts import Files, Geometry, Picture, Pixels, Shared, points_of, world_of
-from mirelight.dataset.layouts.colmap import check_colmap, write_colmap
+from mirelight.base.layouts import Layout
+from mirelight.dataset.layouts import WRITERS, Files, Geometry, Picture, Pixels, Shared, points_of, world_of
+from mirelight.dataset.layouts.colmap import write_colmap
 from mirelight.dataset.layouts.hub import write_hub
-from mirelight.dataset.layouts.nerf import check_nerf, write_nerf
-from mirelight.dataset.layouts.olat import check_olat
+from mirelight.dataset.layouts.nerf import write_nerf
 from mirelight.dataset.layouts.pictures import file_names
-from mirelight.dataset.layouts.tensoir import check_tensoir
-from mirelight.dataset.layouts.tum import check_tum, write_tum
+from mirelight.dataset.layouts.tum import write_tum
 from mirelight.io import owner
 from mirelight.io.cameras import open_file
 from mirelight.io.cameras.transforms import Z_UP
@@ -153,7 +152,7 @@ def test_blender_nerf_files(tmp_path: Path) -> None:
     assert (tmp_path / "transforms_val.json").read_text() == (tmp_path / "transforms_test.json").read_text()
 
 
-@pytest.mark.parametrize("check", [check_nerf, check_olat, check_tensoir])
+@pytest.mark.parametrize("layout", ["nerf", "olat", "tensoir"])
 @pytest.mark.parametrize(
     ("change", "found"),
     [
@@ -162,14 +161,14 @@ def test_blender_nerf_files(tmp_path: Path) -> None:
         ({"projection": "orthographic"}, "is orthographic"),
     ],
 )
-def test_lenses_that_one_angle_cannot_say(check: Any, change: dict[str, Any], found: str) -> None:
+def test_lenses_that_one_angle_cannot_say(layout: Layout, change: dict[str, Any], found: str) -> None:
     with pytest.raises(InputError, match=rf"camera 'orbit\.0001' (has )?.*{found.removeprefix('is ')}"):
-        check(cameras(**change), Shared())
+        WRITERS[layout].check(cameras(**change), Shared())
 
 
 def test_layouts_of_square_pictures() -> None:
     with pytest.raises(InputError, match=r"camera 'orbit\.0001' is 32 x 24 pixels"):
-        check_tensoir(cameras(), Shared())
+        WRITERS["tensoir"].check(cameras(), Shared())
 
 
 def test_lenses_that_differ_stand_in_the_frames(tmp_path: Path) -> None:
@@ -178,7 +177,7 @@ def test_lenses_that_differ_stand_in_the_frames(tmp_path: Path) -> None:
     plain = cameras()
     plain[2] = replace(plain[2], fx=50.0, fy=50.0)
     with pytest.raises(InputError, match=r"'orbit_0001' has another field of view than 'orbit\.0001'"):
-        check_nerf(plain, Shared())
+        WRITERS["nerf"].check(plain, Shared())
     with Files(tmp_path) as files:
         write_nerf(files, pictures(seen), Shared(), blender=False)
     data = json.loads((tmp_path / "transforms.json").read_text())
@@ -212,7 +211,7 @@ def test_colmap(tmp_path: Path) -> None:
 def test_tum(tmp_path: Path) -> None:
     """Depth that 16 bits do not hold is none; a picture without geometry has no line in depth.txt."""
     seen = cameras(cx=14.5, fy=31.0)
-    check_tum(seen, Shared(near_far=(1, 20)))
+    WRITERS["tum"].check(seen, Shared(near_far=(1, 20)))
     frames = [*pictures(seen, depth=13.1, lighting="near"), *pictures(seen, depth=13.2, lighting="far")]
     with Files(tmp_path) as files:
         write_tum(files, [*frames, *pictures(seen)], Shared())
@@ -238,9 +237,9 @@ def test_tum(tmp_path: Path) -> None:
 def test_what_a_sequence_of_tum_cannot_hold(change: dict[str, Any], found: str) -> None:
     seen = cameras()
     with pytest.raises(InputError, match=re.escape(f"camera 'orbit.0002' {found}")):
-        check_tum([seen[0], replace(seen[1], **change), *seen[2:]], Shared())
+        WRITERS["tum"].check([seen[0], replace(seen[1], **change), *seen[2:]], Shared())
     with pytest.raises(InputError, match=r"nothing nearer than 13\.1"):
-        check_tum(seen, Shared(near_far=(14, 20)))
+        WRITERS["tum"].check(seen, Shared(near_far=(14, 20)))
 
 
 def test_a_normalised_world(tmp_path: Path) -> None:
@@ -305,7 +304,7 @@ def test_points_and_depths_as_nerfstudio_scales_them(tmp_path: Path, scale: floa
 
 def test_orthographic_cameras_have_no_place(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"camera 'orbit\.0001' is orthographic"):
-        check_colmap([replace(cameras()[0], projection="orthographic")], Shared())
+        WRITERS["colmap"].check([replace(cameras()[0], projection="orthographic")], Shared())
 
 
 def test_files_are_made_once_and_again_where_their_content_changed(tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from mirelight.compare.types import Bool, Picture
 from mirelight.io.decoding import opened
 from mirelight.io.exr import read_exr, to_rec709
 from mirelight.io.frame_texts import PROVENANCE
-from mirelight.io.safety import open_binary, read_file
+from mirelight.io.safety import json_object, open_binary, read_file
 from mirelight.model import PROFILES
 
 LINEAR = (".exr",)
@@ -106,22 +106,16 @@ def _read_exr(path: Path) -> Picture:
 
 def _provenance(texts: Mapping[str, str]) -> dict[str, Any]:
     """The provenance that mirelight writes into EXR and PNG; empty for other files."""
-    try:
-        found = json.loads(texts.get(PROVENANCE, ""))
-    except (ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
+    return json_object(texts.get(PROVENANCE)) or {}
 
 
 def _beside(path: Path) -> dict[str, Any]:
     """The settings of a real-time frame: a `meta.json` in its folder that names the engine."""
     meta = path.with_name("meta.json")
-    try:
+    with suppress(OSError, ValueError):
         if meta.is_file() and meta.stat().st_size <= _MAX_META:
-            found = json.loads(read_file(meta))
-            return found if isinstance(found, dict) and "engine" in found else {}
-    except (OSError, ValueError, RecursionError):
-        pass
+            found = json_object(read_file(meta)) or {}
+            return found if "engine" in found else {}
     return {}
 
 

@@ -17,6 +17,7 @@ from mirelight.base.errors import InputError
 from mirelight.base.names import FreeNames
 from mirelight.io.exr import Metadata
 from mirelight.io.records import made, packed
+from mirelight.io.safety import json_object
 from mirelight.model import PROFILES, Camera, Frame, LightingBuffer, Profile, Provenance
 
 FINGERPRINT = "mirelight/fingerprint"
@@ -132,11 +133,8 @@ def read_text(path: Path, texts: Mapping[str, Any], name: str) -> dict[str, Any]
     text = texts.get(name)
     if text is None:
         return None
-    try:
-        found = json.loads(text)
-    except (TypeError, ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+    found = json_object(text)
+    if found is None:
         raise InputError(path, "metadata that is not a JSON object", "the file is damaged", field=name)
     return found
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
 from io import BufferedReader
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from mirelight.base.errors import InputError
 from mirelight.base.machine import free_memory
@@ -108,6 +110,25 @@ def read_bytes(path: Path, limit: int) -> bytes:
     if len(data) > limit:
         raise InputError(path, f"more than {limit:,} bytes where that is the most expected", "the file is damaged")
     return data
+
+
+def json_value(path: Path, data: bytes) -> Any:
+    """The JSON value that the whole of a file is. Raises InputError: no JSON, or too deep."""
+    try:
+        return json.loads(data.decode("utf-8-sig"))
+    except json.JSONDecodeError as e:
+        raise InputError(path, f"bad JSON ({e.msg})", field=f"line {e.lineno}, column {e.colno}") from None
+    except (UnicodeDecodeError, ValueError, RecursionError):
+        raise InputError(path, "not UTF-8 JSON of sensible depth and numbers") from None
+
+
+def json_object(text: Any) -> dict[str, Any] | None:
+    """The JSON object in a text; None of anything else."""
+    try:
+        found = json.loads(text)
+    except (TypeError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
 
 
 def contained(folder: Path, name: str, file: Path, field: str) -> Path:

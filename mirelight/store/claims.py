@@ -22,7 +22,7 @@ from pathlib import Path
 
 from mirelight.io import owner
 from mirelight.io.atomic import output_error
-from mirelight.io.safety import NotAFileError, open_file
+from mirelight.io.safety import NotAFileError, json_object, open_file
 from mirelight.store.touching import Toucher
 
 _STALE = 600.0  # seconds without a touch after which a process counts as gone, even where its number lives
@@ -54,11 +54,7 @@ class _Signed:
     @property
     def about(self) -> dict[str, object]:
         """What it says of itself."""
-        try:
-            about = json.loads(self.text)
-        except (ValueError, RecursionError):
-            return {}
-        return about if isinstance(about, dict) else {}
+        return json_object(self.text) or {}
 
     @property
     def runs(self) -> bool | None:

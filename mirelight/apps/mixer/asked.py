@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from mirelight.base.errors import InputError
 from mirelight.io.job.fields import LARGEST
+from mirelight.io.safety import json_object
 from mirelight.model import Camera
 
 MOST_PIXELS = 1920 * 1080
@@ -34,11 +34,8 @@ def camera_of(asked: Mapping[str, Any]) -> Camera:
 
 def table(body: bytes) -> Mapping[str, Any]:
     """A JSON object. Raises InputError."""
-    try:
-        found = json.loads(body)
-    except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+    found = json_object(body)
+    if found is None:
         raise InputError("the page", "no table")
     return found
 

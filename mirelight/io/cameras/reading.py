@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -18,7 +17,7 @@ from mirelight.base.errors import InputError
 from mirelight.base.names import FreeNames
 from mirelight.io.cameras.placed import Intrinsics
 from mirelight.io.gltf.fields import Fields
-from mirelight.io.safety import read_bytes
+from mirelight.io.safety import json_value, read_bytes
 from mirelight.model import F64
 
 MOST_CAMERAS = 100_000  # in one file
@@ -35,13 +34,7 @@ FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenCV's camera axes (+Z ahead, +Y dow
 
 def load_json(path: Path, data: bytes | None = None) -> Any:
     """The JSON value of a file. Raises InputError: too large, no JSON, too deep."""
-    raw = read_bytes(path, LARGEST_JSON) if data is None else data
-    try:
-        return json.loads(raw.decode("utf-8-sig"))
-    except json.JSONDecodeError as e:
-        raise InputError(path, f"bad JSON ({e.msg})", field=f"line {e.lineno}, column {e.colno}") from None
-    except (UnicodeDecodeError, ValueError, RecursionError):
-        raise InputError(path, "not UTF-8 JSON of sensible depth and numbers") from None
+    return json_value(path, read_bytes(path, LARGEST_JSON) if data is None else data)
 
 
 def objects(path: Path, where: str, values: object) -> list[Fields]:

@@ -18,7 +18,6 @@ Intensities are the punctual light's, so that what another program makes of them
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any, Literal, TypeAlias, cast
 
@@ -130,14 +129,9 @@ def _area(plain: PointLight | SpotLight, extras: Fields, world: NDArray[np.float
         raise extras.fail(_SIZE, f"{width:g} by {height:g}", "both must be positive")
     size = (width, height) if shape == "rectangle" else (width, width)
     known = cast(Literal["rectangle", "disk", "sphere"], shape)
-    return AreaLight(
-        name=plain.name,
-        shape=known,
-        world_from_light=_rigid(extras, world),
-        size=size,
-        color=plain.color,
-        intensity=plain.intensity / _area_of(known, size),
-    )
+    own: dict[str, Any] = {"name": plain.name, "color": plain.color, "world_from_light": _rigid(extras, world)}
+    light = AreaLight(shape=known, size=size, intensity=1.0, **own)
+    return replace(light, intensity=plain.intensity / light.peak)
 
 
 def _rigid(extras: Fields, world: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -158,8 +152,3 @@ def _lamp(plain: PointLight | SpotLight, extras: Fields) -> PointLight | SpotLig
     if law not in ("khr", "playcanvas"):
         raise extras.fail(_CONE, f"{law[:40]!r}", "expected khr or playcanvas")
     return replace(lamp, cone=cast(Literal["khr", "playcanvas"], law))
-
-
-def _area_of(shape: str, size: tuple[float, float]) -> float:
-    """Of what a light's axis sees of it, in square world units."""
-    return size[0] * size[1] * (1.0 if shape == "rectangle" else math.pi / 4)

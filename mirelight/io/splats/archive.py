@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.errors import InputError
 from mirelight.io.gltf.fields import Fields
-from mirelight.io.safety import neighbour, read_bytes
+from mirelight.io.safety import json_value, neighbour, read_bytes
 
 
 class Files(Protocol):
@@ -67,12 +66,7 @@ class ZipFiles:
 
 def parse_json(path: Path, data: bytes) -> Fields:
     """A JSON object whose getters name file and field in their errors. Raises InputError."""
-    try:
-        value: Any = json.loads(data.decode("utf-8-sig"))
-    except json.JSONDecodeError as e:
-        raise InputError(path, f"bad JSON ({e.msg})", field=f"line {e.lineno}, column {e.colno}") from None
-    except (UnicodeDecodeError, ValueError, RecursionError):
-        raise InputError(path, "not UTF-8 JSON of sensible depth and numbers") from None
+    value = json_value(path, data)
     if not isinstance(value, dict):
         raise InputError(path, "the JSON is not an object")
     return Fields(path, "", value)

@@ -10,6 +10,8 @@ import hashlib
 import json
 from typing import Any
 
+from mirelight.io.safety import json_object
+
 _KEY, _SEAL = "mirelight:exact", "mirelight:seal"
 
 
@@ -24,11 +26,7 @@ def kept(prim: Any) -> dict[str, Any] | None:
     text = prim.GetCustomDataByKey(_KEY)
     if not isinstance(text, str) or prim.GetCustomDataByKey(_SEAL) != _seal(prim):
         return None
-    try:
-        found = json.loads(text)
-    except ValueError:
-        return None
-    return found if isinstance(found, dict) else None
+    return json_object(text)
 
 
 def _seal(prim: Any) -> str:

@@ -333,9 +333,5 @@ def _constant_albedo(proxy: ProxyMesh) -> F64:
     return proxy.albedo if proxy.albedo is not None else proxy.materials[0].base_color
 
 
-def _has_base_texture(proxy: ProxyMesh) -> bool:
-    return any(m.base_color_texture is not None for m in proxy.materials)
-
-
 def _needs_materials(proxy: ProxyMesh) -> bool:
-    return len(proxy.materials) > 1 or _has_base_texture(proxy)
+    return len(proxy.materials) > 1 or any(m.base_color_texture is not None for m in proxy.materials)

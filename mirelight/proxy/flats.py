@@ -70,6 +70,7 @@ class Flat:
     cell: float  # their side
     low: Int  # (2,) the first
     there: Bool  # (I, J)
+    lift: F64 | None = None  # (I, J) how far the surface lies before the plane, along its normal; None: nowhere
 
     def inside(self, points: F64) -> Bool:
         """(...,) whether points (..., 3) lie over such cells."""
@@ -84,11 +85,21 @@ class Flat:
         """(I J, 3) of the cells."""
         i = np.stack(np.meshgrid(*(np.arange(n) for n in self.there.shape), indexing="ij"), axis=-1).reshape(-1, 2)
         places = (i + self.low + 0.5) * self.cell
-        return np.asarray(places[:, :1] * self.axes[0] + places[:, 1:] * self.axes[1] + self.normal * self.offset)
+        high = self.offset if self.lift is None else self.offset + self.lift.reshape(-1, 1)
+        return np.asarray(places[:, :1] * self.axes[0] + places[:, 1:] * self.axes[1] + self.normal * high)
 
     def off(self, points: F64) -> F64:
         """(...,) distances of points (..., 3), signed."""
-        return np.asarray(np.einsum("...i,i->...", points, self.normal) - self.offset)
+        return np.asarray(np.einsum("...i,i->...", points, self.normal) - self.offset - self.lifted(points))
+
+    def lifted(self, points: F64) -> F64:
+        """(...,) how far the surface lies before the plane where points (..., 3) are."""
+        if self.lift is None:
+            return np.zeros(points.shape[:-1])
+        from scipy.ndimage import map_coordinates
+
+        i = np.einsum("...i,ki->...k", points, self.axes) / self.cell - self.low - 0.5
+        return np.asarray(map_coordinates(self.lift, np.moveaxis(np.nan_to_num(i), -1, 0), order=1, mode="nearest"))
 
 
 def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:

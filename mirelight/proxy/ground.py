@@ -1,7 +1,8 @@
 """The ground that things stand on: it goes on beneath what pictures do not tell.
 
 Out of doors an optimiser leaves most of the ground as fog, as it does the sky: few pictures show it, from afar and
-aslant. But what no camera saw anything below is no hole. Nothing tells its height out there; its middle's is the guess.
+aslant. But what no camera saw anything below is no hole. Where little tells its height, what is surely seen around
+does: lawns lie lower than the paving between them, and rise and fall.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap, points_of
-from mirelight.proxy.flats import Flat, votes
+from mirelight.proxy.flats import Flat, turned_to, votes
 from mirelight.proxy.tuning import TUNING
 
 
@@ -29,7 +31,40 @@ def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: floa
     ground = flats[0]
     held, through, seen = votes(ground, views, tolerance)
     hole = (through > held) & (through > TUNING.fog * seen)
-    return [replace(ground, there=ground.there | ~hole), *flats[1:]]
+    whole = replace(ground, there=ground.there | ~hole)
+    return [replace(whole, lift=_lift(whole, views, tolerance)), *flats[1:]]
+
+
+def _lift(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:
+    """(I, J) how far the ground lies before its plane: what is surely seen near it, a mean over cells around."""
+    from scipy.ndimage import gaussian_filter
+
+    shape = ground.there.shape
+    total, count = np.zeros(shape), np.zeros(shape)
+    for view in views:
+        points, normals, trust = _seen(view)
+        off = ground.off(points)
+        sure = (trust > TUNING.ground_sure) & (np.abs(off) < TUNING.ground_near * tolerance)
+        sure &= np.abs(np.einsum("ni,i->n", normals, ground.normal)) > TUNING.ground_facing
+        i = np.floor(turned_to(points[sure], ground.axes) / ground.cell).astype(np.int64) - ground.low
+        inside = ((i >= 0) & (i < shape)).all(axis=1)
+        np.add.at(total, tuple(i[inside].T), off[sure][inside])
+        np.add.at(count, tuple(i[inside].T), 1)
+    weight = np.minimum(count, TUNING.ground_most)
+    rise, known = (
+        gaussian_filter(x, TUNING.ground_smooth, mode="constant")
+        for x in (weight * total / np.maximum(count, 1), weight)
+    )
+    lift = rise / (known + TUNING.ground_fewest)
+    high = np.abs(lift)
+    return np.asarray(np.sign(lift) * np.minimum(high, 2 * np.maximum(high - TUNING.ground_even * tolerance, 0)))
+
+
+def _seen(view: DepthMap) -> tuple[F64, F64, F32]:
+    """Some of a map's points (N, 3), their normals (N, 3) and trust (N,)."""
+    points, normals = points_of(view, TUNING.ground_step)
+    every = slice(None, None, TUNING.ground_step)
+    return points, normals, view.trust[every, every][view.depth[every, every] > 0]
 
 
 def _is_ground(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> bool:
@@ -40,9 +75,7 @@ def _is_ground(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> bool:
         return False
     behind = total = 0.0
     for view in views:
-        points, _ = points_of(view, TUNING.ground_step)
-        every = slice(None, None, TUNING.ground_step)
-        trust = view.trust[every, every][view.depth[every, every] > 0]
+        points, _, trust = _seen(view)
         behind += float(trust[front * flat.off(points) < -TUNING.ground_below * tolerance].sum())
         total += float(trust.sum())
     return behind < TUNING.ground_behind * total

@@ -52,7 +52,11 @@ def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
     origins, _ = rays(view.camera)
     facing = (directions * flat.normal).sum(axis=-1)
     seen = np.abs(facing) > TUNING.label_facing * np.linalg.norm(directions, axis=-1)
-    depth = np.where(seen, (flat.offset - (origins * flat.normal).sum(axis=-1)) / np.where(seen, facing, 1), 0)
+    facing, start = np.where(seen, facing, 1), (origins * flat.normal).sum(axis=-1)
+    depth = np.where(seen, (flat.offset - start) / facing, 0)
+    for _ in range(0 if flat.lift is None else TUNING.label_rounds):
+        lift = flat.lifted(origins + directions * depth[..., None])
+        depth = np.where(seen, (flat.offset + lift - start) / facing, 0)
     there = (depth > view.camera.near) & flat.inside(origins + directions * depth[..., None])
     return np.where(there, depth, 0).astype(np.float32)
 

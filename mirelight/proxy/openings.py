@@ -139,51 +139,72 @@ def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) 
     found = []
     for deep in np.arange(-TUNING.opening_depth, TUNING.opening_deepest, TUNING.opening_depth):
         face = Flat(wall.normal, wall.offset - front * deep * spacing, wall.axes, cell, low, np.ones(tuple(size), bool))
-        seen, mean, spread = _whiteness(face, wall, views, spacing)
-        here = inner.inside(face.middles).reshape(seen.shape) & (seen >= TUNING.opening_seen)
-        found.append((float(spread[here].mean()) if here.any() else np.inf, deep, face, seen, mean))
-    _, deep, face, seen, mean = min(found, key=lambda x: x[:2])
+        shown = _shown(face, wall, views, spacing)
+        here = inner.inside(face.middles).reshape(shown.seen.shape) & (shown.seen >= TUNING.opening_seen)
+        found.append((float(shown.spread[here].mean()) if here.any() else np.inf, deep, face, shown))
+    _, deep, face, shown = min(found, key=lambda x: x[:2])
     if deep < TUNING.window_bars:
         return None
     reach = round(TUNING.opening_rim / TUNING.opening_fine)
     square = np.ones((2 * reach + 1,) * 2, bool)
+    seen = shown.seen >= TUNING.opening_seen
     near = replace(wall, there=binary_dilation(panes)).inside(face.middles).reshape(seen.shape)
-    white = _is_white(mean, seen >= TUNING.opening_seen) & binary_dilation(near, square)
+    white = _behind(_is_white(shown.white, seen) & binary_dilation(near, square), shown.behind)
     whole = binary_fill_holes(binary_closing(np.pad(white, reach), square)[reach:-reach, reach:-reach])
-    rim = binary_dilation(whole, square) & (seen >= TUNING.opening_seen)
+    rim = binary_dilation(whole, square) & seen
     return Window(wall, replace(face, there=whole), (whole | rim) & ~white, front)
 
 
+def _behind(white: Bool, behind: F64) -> Bool:
+    """White cells (I, J) of panes: what shines there lies behind the wall; a sill in the sun lies before it."""
+    from scipy.ndimage import label, median
+
+    part, count = label(white)
+    deep = np.atleast_1d(median(behind, part, np.arange(1, count + 1))) > TUNING.window_depth
+    return np.asarray(np.concatenate([[False], deep])[part])
+
+
 def _is_white(mean: F64, seen: Bool) -> Bool:
-    """(I, J) cells nearer to the whitest than to the darkest around them, as bars are blurred. What no view sees is
+    """(I, J) cells nearly as white as the whitest around them, as bars are blurred. What no view sees is
     none: fog hangs before bars."""
     from scipy.ndimage import maximum_filter, minimum_filter
 
     around = 2 * round(1 / TUNING.opening_fine) + 1
     high = maximum_filter(mean, around)
     low = minimum_filter(np.where(seen, mean, high), around)
-    return np.asarray(
-        seen & (high > TUNING.opening_white) & ((mean > (low + high) / 2) | (high - low < TUNING.opening_even))
-    )
+    part = low + TUNING.opening_part * (high - low)
+    return np.asarray(seen & (high > TUNING.opening_white) & ((mean > part) | (high - low < TUNING.opening_even)))
 
 
-def _whiteness(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> tuple[F64, F64, F64]:
-    """(I, J) how many views see a cell of a plane, how white they show it, and the variance of that."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """What views show of the cells of a window's plane, (I, J) each."""
+
+    seen: F64  # how many views do
+    white: F64  # 0..1, mean
+    spread: F64  # variance of that
+    behind: F64  # spacings behind the wall's face, mean
+
+
+def _shown(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> _Shown:
     at = face.middles
-    seen, total, square = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
+    seen, total, square, behind = (np.zeros(len(at)) for _ in range(4))
     for view in views:
         rows, pixel, off = _looked_at(view, wall, at, spacing)
-        there = (off > -TUNING.opening_before) | (view.depth.ravel()[pixel] == 0)
-        rows, pixel = rows[there], pixel[there]
+        off = np.where(view.depth.ravel()[pixel] > 0, off, TUNING.opening_far)  # nothing is there
+        there = off > -TUNING.opening_before
+        rows, pixel, off = rows[there], pixel[there], off[there]
         white: F32 = np.clip(
             (view.color.min(axis=-1).ravel()[pixel] - TUNING.opening_dark) / (1 - TUNING.opening_dark), 0, 1
         )
         seen[rows] += 1
         total[rows] += white
         square[rows] += white * white
-    mean = total / np.maximum(seen, 1)
-    shape = face.there.shape
-    return seen.reshape(shape), mean.reshape(shape), (square / np.maximum(seen, 1) - mean * mean).reshape(shape)
+        behind[rows] += np.clip(off, -TUNING.opening_far, TUNING.opening_far)
+    count = np.maximum(seen, 1)
+    mean = total / count
+    rows_of = (seen, mean, square / count - mean * mean, behind / count)
+    return _Shown(*(x.reshape(face.there.shape) for x in rows_of))
 
 
 def _looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int64], F64]:

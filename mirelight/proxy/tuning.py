@@ -84,6 +84,14 @@ class Tuning:
     ground_below: float = 4.0  # tolerances: what lies lower is below it
     ground_behind: float = 0.03  # of what is seen, at most, that lies there: 0.0001 of a yard's paving, 0.7 of a table
     ground_step: int = 4  # every fourth pixel of a map, both ways, is a point
+    # how such grounds rise and fall: flat, they lose 0.6 dB where paving lies higher than the lawn around it
+    ground_sure: float = 0.9  # trust of what tells it
+    ground_near: float = 4.0  # tolerances: what lies farther from the plane is no ground
+    ground_facing: float = 0.8  # cosine between the plane's normal and its own
+    ground_most: float = 6.0  # points of a cell that count
+    ground_smooth: float = 6.0  # cells, deviation: 3 and 10 lose 0.2
+    ground_fewest: float = 2e-3  # points a cell, below which the plane is the guess
+    ground_even: float = 0.5  # tolerances: what rises less is flat; 0 loses 0.15
 
     cell: float = 0.6  # of the grid that maps are fused in
 
@@ -100,6 +108,9 @@ class Tuning:
     opening_seen: int = 3  # views that must show a cell
     opening_dark: float = 0.5  # display value at which a pixel is no sky at all; in between it is so in part
     opening_white: float = 0.8  # of a sky, at least
+    # of the way from the darkest to the whitest around: from there it is white, as a sky brighter than white is blurred
+    # over the edges of bars; half of it makes them thinner by a quarter
+    opening_part: float = 0.75
     opening_even: float = 0.1  # a sky's cells differ by less, where no bar is among them
 
     # depth maps (`depth`)
@@ -317,6 +328,7 @@ class Tuning:
     # what lying on a plane costs (`labels`)
     label_out: float = 1.6  # of a plane where it has no cell
     label_turned: float = 0.3  # 1 - cosine between a pixel's normal and the plane's that costs in full
+    label_rounds: int = 3  # of finding where a ray meets a ground that is not flat
     label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
 
     # what cameras saw of a surface (`pictures`)

@@ -49,3 +49,21 @@ def test_ground_is_what_nothing_lies_below(beyond: float | None) -> None:
     over = whole.inside(origins + ways * true[..., None]) & (before.trust < 1)
     assert over.sum() > 1000
     assert np.quantile(np.abs(after.depth - true)[over], 0.95) < 1e-3
+
+
+def test_a_lawn_lies_lower_than_the_paving_in_it() -> None:
+    spacing = 0.4 * SPACING
+    lower = -2.4 * spacing  # nearer than a second plane may be
+    views = [view(x, lower) for x in (-1.0, 0.0, 1.0)]
+    paving = next(x for x in flats_of([view(x, None) for x in (-1.0, 0.0, 1.0)], spacing, 10.0) if abs(x.offset) < 0.1)
+    (ground,) = carried_on([paving], views, spacing)
+    after = flattened(views[0], [ground], spacing, TUNING.fog)
+    origins, ways = rays(after.camera)
+    at = origins + ways * after.depth[..., None]
+    away = np.linalg.norm(at[..., [0, 2]], axis=-1)
+    assert np.abs(at[away < SURE - 0.6, 1]).max() < 1e-6  # paving is flat
+    lawn = (away > SURE + 0.5) & ground.inside(at)
+    assert lawn.sum() > 500
+    assert np.quantile(np.abs(at[lawn, 1] - lower), 0.95) < 0.25 * spacing
+    rising = np.stack([np.zeros(50), np.zeros(50), -np.linspace(SURE - 0.6, SURE + 0.6, 50)], axis=1)
+    assert (np.diff(ground.lifted(rising)) <= 1e-9).all()  # a slope between them, no step

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
@@ -22,8 +23,11 @@ def plane(z: float, ways: F64, eye: F64) -> F64:
     return np.asarray(eye[:2] + ways[..., :2] * ((z - eye[2]) / ways[..., 2])[..., None])
 
 
-def view(eye: tuple[float, float, float], white: bool = True) -> DepthMap:
-    """A wall across z with a window, and a cross of bars before a sky that is a fog."""
+def view(
+    eye: tuple[float, float, float], white: bool = True, *, ledge: float | None = None, blurred: bool = False
+) -> DepthMap:
+    """A wall across z with a window, and a cross of bars before a sky that is a fog; below it a white sill that lies so
+    far before the wall's face; or blurred by a pixel before a sky that is brighter than white."""
     camera = Camera.look_at(eye, (0.2 * eye[0], 0, 0), 120, 90, yfov=50)
     _, ways = rays(camera)
     at, behind = plane(0.0, ways, np.array(eye)), plane(-DEEP, ways, np.array(eye))
@@ -31,6 +35,12 @@ def view(eye: tuple[float, float, float], white: bool = True) -> DepthMap:
     bars = window & (np.abs(behind) < BAR).any(axis=-1)
     depth = eye[2] + np.where(window, np.random.default_rng(1).uniform(0.15, 0.4, window.shape), 0.0)
     level = np.where(window & ~bars, 1.0 if white else 0.8, 0.4)
+    if blurred:
+        level = np.clip(gaussian_filter(np.where(window & ~bars, 2.5, 0.2), 1.0), 0, 1)
+    if ledge is not None:
+        x, y = np.moveaxis(plane(ledge, ways, np.array(eye)), -1, 0)
+        sill = (np.abs(x) < HALF) & (y < -HALF - 0.05) & (y > -HALF - 0.2)
+        depth, level = np.where(sill, eye[2] - ledge, depth), np.where(sill, 1.0, level)
     depth = depth / -ways[..., 2]
     ones = np.ones(depth.shape, np.float32)
     color = np.repeat(level[..., None], 3, axis=2).astype(np.float32)
@@ -38,8 +48,11 @@ def view(eye: tuple[float, float, float], white: bool = True) -> DepthMap:
     return DepthMap(camera, color, ones, depth.astype(np.float32), normal, 0 * ones, ones)
 
 
+EYES = [(x, y, 2.5) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-0.5, 0.6)]
+
+
 def views(white: bool = True) -> list[DepthMap]:
-    return [view((x, y, 2.5), white) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-0.5, 0.6)]
+    return [view(eye, white) for eye in EYES]
 
 
 def wall() -> Flat:
@@ -62,6 +75,22 @@ def test_bars_are_cut_out_of_the_plane_they_stand_in() -> None:
     assert window.bars[inner & (near < BAR - 0.03)].all() and not window.bars[inner & (near > BAR + 0.04)].any()
     rim = (far > HALF + SPACING) & (far < HALF + 1.25 * SPACING)
     assert window.bars[rim].all()
+
+
+def test_a_sky_brighter_than_white_leaves_most_of_bars_it_is_blurred_over() -> None:
+    """Cut out where they are half as dark as at their darkest, a third of them would be left."""
+    (window,) = windows_of([view(eye, blurred=True) for eye in EYES], [wall()], SPACING)
+    x, y = window.face.middles.reshape(*window.bars.shape, 3)[..., :2].transpose(2, 0, 1)
+    beside = (np.abs(y) > 0.15) & (np.abs(y) < HALF - 2 * SPACING) & (np.abs(x) < 0.2)
+    assert BAR < window.bars[beside].mean() * 0.4 < 2.5 * BAR
+
+
+def test_a_sill_that_shines_is_no_pane() -> None:
+    ledge = 1.2 * SPACING
+    (window,) = windows_of([view(eye, ledge=ledge) for eye in EYES], [wall()], SPACING)
+    y = window.face.middles.reshape(*window.bars.shape, 3)[..., 1]
+    panes = window.face.there & ~window.bars
+    assert panes.any() and not panes[y < -HALF].any()
 
 
 def test_what_is_seen_through_a_window_is_far_away_and_the_wall_stays() -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mirelight.base import colour, conventions, sh
 from mirelight.base.errors import RenderError
+from mirelight.lighting import along_axes
 from mirelight.lighting.trace import Tracer
 from mirelight.model import F32, F64, I32, ProxyMesh, SplatCloud, SplatLayer, triangles
 
@@ -102,15 +103,7 @@ class _Splats:
         step = max(-(-len(splats) // most), 1)
         means, scales = (x[::step].astype(np.float64) for x in (splats.means, splats.scales))
         axes = conventions.rotation_from_quaternion(splats.quats[::step])  # columns
-        by_size = np.argsort(scales, axis=1, kind="stable")
-        face = np.full(len(means), -1, np.int32)
-        corners, distance = np.zeros((len(means), 3), np.float32), np.zeros(len(means))
-        for k in range(3):
-            todo = np.flatnonzero(face < 0)
-            if not len(todo):
-                break
-            directions = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
-            face[todo], corners[todo], distance[todo] = self._tracer.nearest_along(means[todo], directions, reach)
+        face, corners, distance = along_axes.nearest(self._tracer, means, axes, scales, reach)
         near = np.flatnonzero(face >= 0)
         if not len(near):
             raise RenderError(

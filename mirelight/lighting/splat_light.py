@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mirelight.base import conventions
 from mirelight.base.errors import RenderError
+from mirelight.lighting import along_axes
 from mirelight.lighting.albedo import UNLIT
 from mirelight.lighting.appearance import shown
 from mirelight.lighting.trace import Tracer
@@ -87,13 +88,7 @@ def places_of(
     reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
     means = splats.means.astype(np.float64)
     axes = conventions.rotation_from_quaternion(splats.quats)  # columns
-    by_size = np.argsort(splats.scales, axis=1, kind="stable")
-    face, corners = np.full(len(means), -1, np.int32), np.zeros((len(means), 3), np.float32)
-    for k in range(3):
-        todo = np.flatnonzero(face < 0)
-        if len(todo):
-            directions = np.take_along_axis(axes[todo], by_size[todo, k][:, None, None], axis=2)[..., 0]
-            face[todo], corners[todo], _ = tracer.nearest_along(means[todo], directions, reach)
+    face, corners, _ = along_axes.nearest(tracer, means, axes, splats.scales, reach)
     found, lost = np.flatnonzero(face >= 0), np.flatnonzero(face < 0)
     if not len(found):
         raise RenderError(

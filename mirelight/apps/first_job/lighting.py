@@ -14,6 +14,7 @@ import numpy as np
 
 from mirelight.apps.first_job import beside, view
 from mirelight.apps.first_job.toml_text import Names, position
+from mirelight.apps.first_job.up import some_discs
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.base.names import FreeNames
@@ -27,7 +28,6 @@ _GAIN = 0.9  # a lamp's light over the captured one, median of the surface
 _MET = 0.6  # of a room's light, that comes straight from a lamp
 _BRIGHT = 0.05  # share of the surface that a lamp may make white
 _FROM_LEFT = (-0.75, 0.8, 0.45)  # towards the light: along the picture's right, up, towards the camera
-_SAMPLE = 20_000  # splats that are looked at
 
 
 def lightings(
@@ -152,12 +152,7 @@ def _candela(cloud: SplatCloud, place: F64) -> float:
         cloud: in the world.
         place: (3,) of the lamp.
     """
-    rows = np.flatnonzero(cloud.opacities > 0.1)
-    rows = rows[:: max(1, len(rows) // _SAMPLE)]
-    scales = np.sort(cloud.scales[rows].astype(np.float64), axis=1)
-    area = scales[:, 1] * scales[:, 2] * cloud.opacities[rows]
-    turns = conventions.rotation_from_quaternion(cloud.quats[rows])
-    normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
+    rows, area, normals = some_discs(cloud, cloud.opacities > 0.1)
     way = place - cloud.means[rows].astype(np.float64)
     squared = np.maximum((way**2).sum(axis=1), 1e-12)
     factor = np.abs((way * normals).sum(axis=1)) / squared**1.5 / np.pi  # of one candela, over a captured 1 cd/m²

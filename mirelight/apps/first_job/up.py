@@ -26,7 +26,7 @@ _BOTH_ALIKE = "floor and ceiling look alike"
 _LAYER = 1 / 50  # of the extent: how thick a floor is
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
-_SAMPLE = 20_000
+_SAMPLE = 20_000  # splats that are looked at
 _STRAIGHT = np.cos(np.radians(4.0))  # nearer to an axis counts as the axis
 _LIKELY = ((1.5, (0, 1, 0)), (1.2, (0, 0, 1)))  # worth of a floor across these axes, either sign
 
@@ -79,6 +79,16 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
     return Up(_neat(floor.way), why + (", and on which things stand" if floor.ceiling else ""), False)
 
 
+def some_discs(cloud: SplatCloud, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.intp], F64, F64]:
+    """Rows of some of the splats (N,) that are wanted; what each covers, by its opacity; its normal, of either sign."""
+    rows = np.flatnonzero(wanted)
+    rows = rows[:: max(1, len(rows) // _SAMPLE)]
+    scales = np.sort(cloud.scales[rows].astype(np.float64), axis=1)
+    turns = conventions.rotation_from_quaternion(cloud.quats[rows])
+    normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
+    return rows, scales[:, 1] * scales[:, 2] * cloud.opacities[rows], normals
+
+
 def _of_cameras(poses: Sequence[F64]) -> F64 | None:
     """The direction that is across all cameras' right; None where cameras do not agree, as of a phone rolled about."""
     if len(poses) < 3:
@@ -113,18 +123,13 @@ def _floor(cloud: SplatCloud) -> Floor | None:
     """The layer that holds most area with nearly nothing on its other side. A closed room has two: things stand on the
     floor, so what lies between both and is no wall lies nearer to it."""
     sound = np.isfinite(cloud.means).all(axis=1) & np.isfinite(cloud.scales).all(axis=1) & (cloud.opacities > 0.1)
-    rows = np.flatnonzero(sound)
-    rows = rows[:: max(1, len(rows) // _SAMPLE)]
+    rows, area, normals = some_discs(cloud, sound)
     if len(rows) < 50:
         return None
-    scales = np.sort(cloud.scales[rows].astype(np.float64), axis=1)
-    area = scales[:, 1] * scales[:, 2] * cloud.opacities[rows]
     area = np.minimum(area, np.quantile(area, 0.99))  # a few huge splats of a sky do not make a floor
     if not area.sum() > 0:
         return None
     area /= area.sum()
-    turns = conventions.rotation_from_quaternion(cloud.quats[rows])
-    normals = np.take_along_axis(turns, np.argmin(cloud.scales[rows], axis=1)[:, None, None], axis=2)[:, :, 0]
     means = cloud.means[rows].astype(np.float64)
     found = []
     for way in _ways(normals):

@@ -28,8 +28,8 @@ from mirelight.pipeline.codecs import light_of
 from mirelight.pipeline.keys import Keys
 from mirelight.store.arrays import read_arrays
 from mirelight.store.folder import ASIDE, Folder
-from mirelight.store.index import digest_of, is_one_of
-from mirelight.store.journal import FileRow, Journal, Row, said_of
+from mirelight.store.index import is_one_of, row_of
+from mirelight.store.journal import Journal, Row, said_of
 from mirelight.store.planned import PlannedFrame
 
 SUFFIXES = (".exr", ".png")
@@ -319,11 +319,7 @@ class _Look:
         self._counts["unrecorded"] += 1
         if not self._rebuild:
             return
-        rows = {}
-        for suffix, key in frame.files.items():
-            path = self._path(frame, suffix)
-            status = path.stat()
-            rows[suffix] = FileRow(key, status.st_size, status.st_mtime_ns, digest_of(path))
+        rows = {suffix: row_of(self._path(frame, suffix), key) for suffix, key in frame.files.items()}
         (self.folder.path / ASIDE / "journal").mkdir(parents=True, exist_ok=True)
         self.journal.add(Row(frame.name, rows, 0.0))
         self._counts["recorded"] += 1

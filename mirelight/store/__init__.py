@@ -30,7 +30,7 @@ from mirelight.store.artefacts import Artefacts, StoredArtefacts
 from mirelight.store.ballast import Ballast
 from mirelight.store.claims import Claims
 from mirelight.store.folder import ASIDE
-from mirelight.store.index import Index, digest_of
+from mirelight.store.index import Index, row_of
 from mirelight.store.journal import FileRow, Journal, Row, sync_folder
 from mirelight.store.planned import PlannedRuns
 from mirelight.store.touching import Toucher
@@ -163,7 +163,7 @@ class Store:
             for suffix in self.missing(task):
                 path, key = self.folder / f"{task.name}{suffix}", task.files[suffix]
                 image.write(_stamped(frame, key), path, self._display, self._output)
-                rows[suffix] = _file_row(path, key)
+                rows[suffix] = row_of(path, key)
             sync_folder(self.folder)
             self._journal.add(Row(task.name, rows, round(seconds, 3)))
         except OutputError as e:
@@ -282,8 +282,3 @@ def _stamped(frame: Frame, key: str) -> Frame:
 def _is_finished(path: Path) -> bool:
     """Whether a file is a frame that is done: those that are shown before carry no key."""
     return image.read_fingerprint(path) is not None
-
-
-def _file_row(path: Path, key: str) -> FileRow:
-    status = path.stat()
-    return FileRow(key, status.st_size, status.st_mtime_ns, digest_of(path))

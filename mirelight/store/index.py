@@ -87,6 +87,12 @@ def is_one_of(path: Path, rows: Collection[FileRow]) -> bool:
     return bool(digests) and digest_of(path) in digests
 
 
+def row_of(path: Path, key: str) -> FileRow:
+    """What the journal says of a file as it is."""
+    status = path.stat()
+    return FileRow(key, status.st_size, status.st_mtime_ns, digest_of(path))
+
+
 def digest_of(path: Path) -> str:
     """SHA-256 (hex) of a file; empty where it cannot be read."""
     try:

@@ -10,7 +10,6 @@ import numpy as np
 
 from mirelight import model
 from mirelight.io.job import (
-    camera_files,
     cameras,
     drawing,
     inserted,
@@ -21,6 +20,7 @@ from mirelight.io.job import (
     sweep,
 )
 from mirelight.io.job.assets import Assets
+from mirelight.io.job.camera_files import FromFiles
 from mirelight.io.job.fields import PROXY, SPLATS
 from mirelight.io.job.light_tables import CAPTURED, AsCaptured, Lit
 from mirelight.io.job.material_tables import MaskTable
@@ -138,7 +138,7 @@ def _capture(
     if table.proxy is None or table.proxy.cameras is None or table.splats is None:
         return (), ()
     size = table.resolution[0], table.resolution[1]
-    cameras, pictures = camera_files.with_pictures(table.proxy, size, table.splats, assets, wrong)
+    cameras, pictures = FromFiles(size, table.splats, assets, wrong).with_pictures(table.proxy)
     if not cameras and not wrong:
         wrong.append(Mistake(("proxy", "cameras"), "a file without cameras", "give the capture's, or leave it out"))
     return tuple(cameras), assets.pictures(pictures)

@@ -14,7 +14,7 @@ from mirelight.base.conventions import Matrix
 from mirelight.base.names import FreeNames
 from mirelight.io.job import sampling
 from mirelight.io.job.camera_file_tables import SENSOR_WIDTH, ShutterTable
-from mirelight.io.job.camera_files import CameraFiles, cameras_from, frame_name
+from mirelight.io.job.camera_files import CameraFiles, FromFiles, frame_name
 from mirelight.io.job.camera_tables import (
     YFOV,
     AnyCamera,
@@ -34,7 +34,6 @@ from mirelight.io.job.fields import PROXY
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
 from mirelight.io.job.sampling import Stand
-from mirelight.io.job.scene_tables import SplatsTable
 from mirelight.io.job.shutters import MOMENTS, on_path, opened
 from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import SCENES
@@ -120,13 +119,13 @@ def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mista
     A job that names none has those of the proxy's file (glTF, OpenUSD), else one that sees everything.
     """
     resolution = table.resolution[0], table.resolution[1]
-    splats = table.splats or []
+    from_files = FromFiles(resolution, table.splats or [], files, wrong)
     captured: list[Camera] = []
     moves = any(x.keys for x in table.objects)
     for i, one in enumerate(table.cameras_from):
-        own = cameras_from(one, ("cameras_from", i), resolution, splats, files, wrong)
+        own = from_files.cameras(one, ("cameras_from", i))
         captured += on_path(own, one.shutter, one.every) if moves else own
-    around = _Around(captured, resolution, splats, files, wrong)
+    around = _Around(captured, from_files)
     found = _inline(table.cameras, resolution, scene, around, moves=moves) + captured
     if not table.cameras and not table.cameras_from:
         if table.proxy is not None and table.proxy.path.lower().endswith(SCENES):
@@ -318,30 +317,26 @@ class _Around:
     """Places cameras around a capture."""
 
     captured: Sequence[Camera]  # of cameras_from
-    resolution: tuple[int, int]
-    splats: Sequence[SplatsTable]
-    files: CameraFiles
-    wrong: list[Mistake]
+    files: FromFiles
 
     def stands(self, table: AroundTable, at: Path) -> Iterable[Stand]:
         """The places; none, and a mistake, where the capture has no cameras or no middle."""
-        captured = self.captured
+        captured, wrong = self.captured, self.files.wrong
         if table.capture is not None:
-            where = (*at, "capture")
-            captured = cameras_from(table.capture, where, self.resolution, self.splats, self.files, self.wrong)
+            captured = self.files.cameras(table.capture, (*at, "capture"))
         captured = [camera for camera in captured if camera.projection == "perspective"]
         if not captured:
             if table.capture is None:
                 remedy = 'add capture = "sparse/0", or another file of the capture\'s cameras, or cameras_from'
-                self.wrong.append(Mistake(at, "no cameras of the capture to stand around", remedy))
+                wrong.append(Mistake(at, "no cameras of the capture to stand around", remedy))
             return ()
         target = sampling.focus(captured) if table.target is None else np.asarray(table.target, dtype=np.float64)
         if target is None:
             found = "the capture's cameras do not look at one place"
-            self.wrong.append(Mistake(at, found, "add target = [x, y, z]"))
+            wrong.append(Mistake(at, found, "add target = [x, y, z]"))
             return ()
         apart = [camera for camera in captured if np.linalg.norm(camera.position - target) > 1e-9]
         if not apart:
-            self.wrong.append(Mistake((*at, "target"), "the only captured camera's own position", "give another point"))
+            wrong.append(Mistake((*at, "target"), "the only captured camera's own position", "give another point"))
             return ()
         return sampling.around(apart, target, table.seed, table.count)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -47,9 +47,6 @@ from mirelight.model.dressing import Dress, Mask, dressed
 from mirelight.model.lights import SKY, SUN
 from mirelight.model.profiles import COLOURING
 from mirelight.model.recipe import not_made_yet
-
-if TYPE_CHECKING:
-    pass
 
 
 def build(source: Source, table: JobTable) -> Job:

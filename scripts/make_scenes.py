@@ -20,14 +20,15 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
 
-from scenegen import writing  # noqa: E402
+from scenegen import training, writing  # noqa: E402
 from scenegen.recipe import Recipe  # noqa: E402
 from scenegen.truth import F32, Looks, Truth  # noqa: E402
 
 from mirelight.base import colour  # noqa: E402
 from mirelight.model import Camera  # noqa: E402
 
-SCENES = ("courtyard", "stage")
+TRAINED = "plinth"  # splats that an optimiser made from pictures; the others are made from true surfaces
+SCENES = ("courtyard", "stage", TRAINED)
 TRUTH_SPP = 160
 GUIDE_SPP = 32
 BAKE_SPP = 16  # a first guess; the photographs decide
@@ -36,7 +37,7 @@ PHOTOGRAPH, PHOTOGRAPH_SPP = (800, 450), 12  # denoised
 
 def load(name: str) -> Recipe:
     """The recipe of a scene."""
-    recipe = importlib.import_module(f"scenegen.{name}").recipe()
+    recipe = importlib.import_module("trained_scene" if name == TRAINED else f"scenegen.{name}").recipe()
     assert isinstance(recipe, Recipe)
     return recipe
 
@@ -71,9 +72,13 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
 
 def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
     """Write a scene's files (or some of them) into its folder."""
+    start = time.monotonic()
+    if recipe.name == TRAINED:
+        kept = ROOT / "out" / "make_scenes" / recipe.name
+        importlib.import_module("trained_scene").make(folder, kept, lambda text: say(text, start))
+        return
     from scenegen.proxy import proxy_of
 
-    start = time.monotonic()
     folder.mkdir(parents=True, exist_ok=True)
     if "job" in only:
         for lighting in (recipe.captured, *recipe.lightings):
@@ -98,7 +103,11 @@ def render_truth(recipe: Recipe, arguments: argparse.Namespace) -> None:
     lighting = next(x for x in (recipe.captured, *recipe.lightings) if x.name == arguments.lighting)
     camera = next(x for x in recipe.cameras if x.name == arguments.camera)
     width, height = (int(x) for x in arguments.size.split("x"))
-    picture = Truth(recipe.looks(), lighting).picture(camera.resized(width, height), arguments.spp, arguments.seed)
+    camera = camera.resized(width, height)
+    picture = Truth(recipe.looks(), lighting).picture(camera, arguments.spp, arguments.seed)
+    if recipe.name == TRAINED and lighting.environment is not None:  # the sky is in its pictures
+        sky = training.behind(lighting.environment, training.directions(camera))
+        picture[..., :3] += (1 - picture[..., 3:]) * sky.astype(np.float32)
     writing.write_png(picture, arguments.output)
 
 

@@ -28,6 +28,7 @@ PARTS = {
     "truth": "how close frames come to path-traced truth: proxies, captured light, samples, denoising",
     "objects": "objects in a capture beside path-traced truth",
     "gloss": "highlights beside path-traced truth, materials given and told from pictures",
+    "shipped": "the shipped capture that was trained on pictures, relit, beside its truth",
     "modes": "ways of relighting on the shipped scenes, and what formats lose of a bake",
     "lighting": "error and CPU time of this tracer, Mitsuba's path and Blender Cycles",
     "noise": "what layers, AOVs and noise targets cost, and whether error bars are true",

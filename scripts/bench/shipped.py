@@ -1,0 +1,87 @@
+"""Frames of the shipped capture that was trained on pictures, beside its shipped path-traced truth.
+
+    python scripts/bench shipped [--width 320] [--pictures DIR]
+
+Its proxy is made from the splats. Frames have half the job's pixels, so their splats are composited finer. Scored where
+the true surface is: what splats show of the sky stays as captured. Needs the extra `scenes`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scenegen.truth import Truth
+from trained_scene import recipe
+
+from bench.common import Table, path, table
+from bench.modes import decibels, shown, truth
+from mirelight import prepare
+from mirelight.io import job as jobs
+from mirelight.model import Job
+from mirelight.pipeline import stages
+from mirelight.pipeline.scene import Scene
+from mirelight.relighting import unlit_rgba
+from mirelight.store import Store
+
+ROOT = Path(__file__).resolve().parents[2]
+COVERAGE_SPP, WHOLE = 16, 0.99  # samples that say where the surface is, and the share of them that meets it
+
+Bool = NDArray[np.bool_]
+
+
+def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
+    """A row for each lighting: decibels by way; the proxy and its colours are made once."""
+    camera, made_of = job.cameras[0], recipe()
+    size = camera.height, camera.width
+    surface: Bool = Truth(made_of.looks(), made_of.captured).picture(camera, COVERAGE_SPP)[..., 3] > WHOLE
+    found = _opened(job, None)
+    layer = stages.composite(found, camera)
+    assert layer is not None
+    capture = shown(unlit_rgba(layer))
+    ways = {
+        "tint": _opened(replace(job, relight=replace(job.relight, mode="tint")), found),
+        "as shipped": found,
+    }
+    yield "day, as captured", decibels(capture[surface], shown(truth("plinth", "day", size))[surface]), "", ""
+    for lighting in job.lightings:
+        true = shown(truth("plinth", lighting.name, size))
+        frames = [capture, *(shown(stages.frame(scene, camera, lighting).rgba) for scene in ways.values())]
+        if pictures is not None:
+            pictures.mkdir(parents=True, exist_ok=True)
+            sheet = np.concatenate([*frames, true], axis=1)
+            Image.fromarray((sheet * 255 + 0.5).astype(np.uint8)).save(pictures / f"{lighting.name}.png")
+        yield lighting.name, *(decibels(x[surface], true[surface]) for x in frames)
+
+
+def _opened(job: Job, like: Scene | None) -> Scene:
+    store = Store(job)
+    store.open()
+    scene = prepare(job, store.artefacts)
+    if like is not None:
+        scene.take_over(like)
+    return scene
+
+
+def options(parser: argparse.ArgumentParser) -> None:
+    """The part's own."""
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--width", type=int, default=320)
+    parser.add_argument("--cache", type=path, default=ROOT / "out" / "bench_shipped", help="where artefacts are kept")
+    parser.add_argument("--pictures", type=path, help="capture | tint | as shipped | truth go there")
+
+
+def run(chosen: argparse.Namespace) -> list[Table]:
+    """The table."""
+    spp, width = (1, 64) if chosen.quick else (chosen.spp, chosen.width)
+    settings = [f"render.spp={spp}", "output.layers=false", "compositor.supersampling=2"]
+    job = jobs.load(ROOT / "scenes" / "plinth" / "job.toml", settings)
+    job = replace(job, cameras=(job.cameras[0].resized(width, width * 9 // 16),))
+    job = replace(job, output=replace(job.output, directory=chosen.cache))
+    columns = ("", "unchanged capture", "tint", "as shipped")
+    return [table("A trained capture", columns, rows(job, chosen.pictures))]

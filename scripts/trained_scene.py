@@ -1,0 +1,142 @@
+"""The shipped capture that is as people have theirs: splats trained on pictures of the plinth.
+
+`scripts/make_scenes.py plinth` makes it. No mesh goes with it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scenegen import plinth, training, writing
+from scenegen.recipe import Recipe
+from scenegen.truth import Truth
+
+from mirelight.io import splats
+from mirelight.io.cameras.transforms import lens_entry, matrix_entry
+from mirelight.model import Camera, Lighting, SunLight
+
+F32 = NDArray[np.float32]
+
+PICTURES, APART = 54, 6  # trained on; looked at afterwards alone
+SHOOTING = training.Shooting(size=(480, 320), spp=16, sky=True, iterations=1000, most=55_000, points=36_000)
+SPLATS, CAMERAS, JOB = "splats.spz", "transforms.json", "job.toml"
+PHOTOGRAPHS, QUALITY = "pictures", 80  # WebP: 33 dB, as much as splats show of them at most
+EYE, TARGET, YFOV = (0.9, 1.8, 1.7), (0.0, 0.55, 0.0), 46.0  # of the job's camera, which took none of the pictures
+FRONT = Camera.look_at(EYE, TARGET, 640, 360, yfov=YFOV, name="front")
+NAMES = {"low sun": "evening"}  # as files have them
+LONGER = {"lamp": 1.0}  # stops by which a lighting is exposed longer: a picture to look at
+
+
+def recipe() -> Recipe:
+    """The plinth's, with the cameras of the capture and of the job."""
+    whole = plinth.recipe()
+    longer = (training.exposed(x, LONGER.get(x.name, 0.0)) for x in whole.lightings)
+    lightings = tuple(replace(x, name=NAMES.get(x.name, x.name)) for x in longer)
+    captured = replace(whole.captured, name="day")
+    return replace(whole, captured=captured, lightings=lightings, cameras=(FRONT,), orbit=walk(PICTURES))
+
+
+def walk(count: int, start: float = 0.0) -> tuple[Camera, ...]:
+    """Twice round the plinth, nearer and farther, as a person does it; `start` in radians."""
+    views = []
+    for k in range(count):
+        turn, away, high = start + 4 * np.pi * k / count, (1.5, 2.1)[k % 2], (1.5, 1.15, 1.75)[k % 3]
+        eye = np.array([away * np.sin(turn), high, away * np.cos(turn)])
+        target = np.add(plinth.FOCUS, (0, (0.0, -0.3)[k % 2], 0))
+        views.append(Camera.look_at(eye, target, *SHOOTING.size, yfov=52, name=f"{k}"))
+    return tuple(views)
+
+
+def pictures(made_of: Recipe, cameras: Sequence[Camera], kept: Path, say: Callable[[str], None]) -> list[F32]:
+    """(H, W, 3) each, display-encoded; those that an earlier run left in the file are taken."""
+    made: list[F32] = list(np.load(kept)) if kept.is_file() else []
+    truth = Truth(made_of.looks(), made_of.captured)
+    for k in range(len(made), len(cameras)):
+        made += training.shots(truth, made_of.captured, [cameras[k]], SHOOTING)
+        np.save(kept, np.stack(made))
+        say(f"picture {k + 1} of {len(cameras)}")
+    return made
+
+
+def make(folder: Path, kept: Path, say: Callable[[str], None]) -> None:
+    """All files of the scene but its true pictures.
+
+    Args:
+        folder: the scene's.
+        kept: folder of pictures and training, so that a run that was stopped goes on.
+        say: a line of progress.
+    """
+    made_of = recipe()
+    folder.mkdir(parents=True, exist_ok=True)
+    kept.mkdir(parents=True, exist_ok=True)
+    taken = pictures(made_of, made_of.orbit, kept / "pictures.npy", say)
+    trained = kept / "trained.npy"
+    if not trained.is_file():
+        say(f"training for {SHOOTING.iterations} steps, a quarter of an hour on two cores")
+        np.save(trained, training.trained(Truth(made_of.looks(), made_of.captured), taken, made_of.orbit, SHOOTING))
+    cloud = training.cloud_of(np.load(trained))
+    splats.write(cloud, folder / SPLATS)
+    say(f"{len(cloud)} splats")
+    write_cameras(made_of.orbit, folder)
+    (folder / PHOTOGRAPHS).mkdir(exist_ok=True)
+    for i, picture in enumerate(taken):
+        image = Image.fromarray((picture * 255 + 0.5).astype(np.uint8))
+        image.save(folder / PHOTOGRAPHS / f"{i:02}.webp", quality=QUALITY)
+    for lighting in (made_of.captured, *made_of.lightings):
+        writing.write_lighting(lighting, folder)
+    (folder / JOB).write_text(job_text(made_of), encoding="utf-8")
+
+
+def write_cameras(cameras: Sequence[Camera], folder: Path) -> None:
+    """Those of the capture's pictures, in the splats' own axes."""
+    frames = []
+    for i, camera in enumerate(cameras):
+        pose = [[round(x, 9) + 0.0 for x in row] for row in matrix_entry(camera, np.eye(4))]
+        lens = {k: round(x, 6) if isinstance(x, float) else x for k, x in lens_entry(camera).items()}
+        frames.append(json.dumps({"file_path": f"{PHOTOGRAPHS}/{i:02}.webp", **lens, "transform_matrix": pose}))
+    (folder / CAMERAS).write_text('{"frames": [\n' + ",\n".join(frames) + "\n]}\n", encoding="utf-8")
+
+
+def job_text(made_of: Recipe) -> str:
+    """The job: one camera under every new lighting."""
+    lines = [
+        f"# {made_of.title}",
+        f"# Made by scripts/make_scenes.py {made_of.name} as people capture: splats trained on {PICTURES} pictures,",
+        "# and the cameras that took them. No mesh comes with it: the first command makes one from the splats, in",
+        "# two minutes of CPU time, and keeps it for all others.",
+        f'splats = "{SPLATS}"',
+        f'proxy = {{ path = "splats", cameras = "{CAMERAS}", albedo = "splats" }}',
+        "resolution = [640, 360]",
+    ]
+    lines += ["", "[[cameras]]", f'name = "{FRONT.name}"', f"position = {_numbers(EYE)}"]
+    lines += [f"target = {_numbers(TARGET)}", f"yfov = {YFOV:g}"]
+    lines += ["", *_lighting_lines(made_of.captured, "captured")]
+    for lighting in made_of.lightings:
+        lines += ["", *_lighting_lines(lighting, "lightings")]
+    lines += ["", "[render]", f"spp = {made_of.spp}"]
+    lines += ["", "[output]", f'directory = "../../out/{made_of.name}"', "half = true"]
+    return "\n".join(lines) + "\n"
+
+
+def _lighting_lines(lighting: Lighting, key: str) -> list[str]:
+    lines = ["[captured]"] if key == "captured" else [f"[[{key}]]", f'name = "{lighting.name}"']
+    if any(not isinstance(light, SunLight) for light in lighting.lights):
+        lines.append(f'lights_from = "{lighting.name}.glb"')
+    if lighting.environment is not None:
+        lines.append(f'environment = {{ path = "{lighting.name}.hdr" }}')
+    for sun in lighting.lights:
+        if isinstance(sun, SunLight):
+            lines += ["", f"[[{key}.lights]]", 'type = "sun"', f'name = "{sun.name}"']
+            lines += [f"direction = {_numbers(sun.direction)}", f"color = {_numbers(sun.color)}"]
+            lines += [f"intensity = {sun.intensity:g} # lux", f"angular_diameter = {sun.angular_diameter:g} # degrees"]
+    return lines
+
+
+def _numbers(values: object) -> str:
+    return "[" + ", ".join(f"{float(v):.6g}" for v in np.asarray(values)) + "]"

@@ -184,10 +184,8 @@ def _engine_frame(subject: Subject, rungs: Rungs, recipe: Recipe) -> None:
 def _splats_drawn_exactly(subject: Subject, rungs: Rungs, recipe: Recipe) -> Recipe:
     """Corners where they are, splats in exact order, colours not rounded."""
     drawing, splats = engine_compositor(subject.job), subject.splats
-    recipe = replace(recipe, splats=splats.drawn(drawing))
-    rungs.add("corners", recipe)
-    recipe = replace(recipe, splats=splats.drawn(drawing, bucketed=False))
-    rungs.add("order", recipe)
+    recipe = rungs.add("corners", replace(recipe, splats=splats.drawn(drawing)))
+    recipe = rungs.add("order", replace(recipe, splats=splats.drawn(drawing, bucketed=False)))
     recipe = replace(recipe, splats=splats.composite(replace(drawing, work_buffer="large")))
     if drawing.work_buffer == "compact":
         rungs.add("buffer", recipe)
@@ -202,13 +200,10 @@ def _shadows_exact(subject: Subject, rungs: Rungs, recipe: Recipe, biased: Light
         rungs.skip("no light casts any", "shadows", "bias")
         return recipe
     if subject.engine is not None:
-        recipe = replace(recipe, light=biased)
-        rungs.add("shadows", recipe)
+        recipe = rungs.add("shadows", replace(recipe, light=biased))
     else:
         rungs.skip("the engine did not run, and its shadow maps are not modelled", "shadows")
-    recipe = replace(recipe, light=exact.buffer)
-    rungs.add("bias", recipe)
-    return recipe
+    return rungs.add("bias", replace(recipe, light=exact.buffer))
 
 
 def _engine_texture(subject: Subject, run: EngineRun, exact: PointLight) -> LightingBuffer:
@@ -240,14 +235,12 @@ def with_physical_falloffs(
         rungs.skip("the lighting texture is as large as the frame", "scale")
     if lighting.lights:
         light = replace(light, lamps=light.surface.lights(lighting.lights))
-        recipe = replace(recipe, light=light.buffer)
-        rungs.add("units", recipe)
+        recipe = rungs.add("units", replace(recipe, light=light.buffer))
     else:
         rungs.skip("there are no lights but the environment", "units")
     if lighting.environment is not None:
         light = replace(light, sky=light.surface.environment(lighting.environment))
-        recipe = replace(recipe, light=light.buffer)
-        rungs.add("prefilter", recipe)
+        recipe = rungs.add("prefilter", replace(recipe, light=light.buffer))
     else:
         rungs.skip("there is no environment", "prefilter", "occlusion")
     return recipe, light
@@ -297,22 +290,17 @@ def _traced(subject: Subject, rungs: Rungs, recipe: Recipe, points: PointLight, 
     direct = [x.direct for x in traced.layers]
     if lighting.environment is not None:
         points = replace(points, sky=_where_covered(direct[layers.environment], traced, points.sky))
-        recipe = replace(recipe, light=points.buffer)
-        rungs.add("occlusion", recipe)
+        recipe = rungs.add("occlusion", replace(recipe, light=points.buffer))
     if lighting.lights:
         lamps = np.unique(layers.of_light[: len(lighting.lights)])
         lit = np.asarray(np.sum([direct[k] for k in lamps], axis=0), dtype=np.float32)
         points = replace(points, lamps=_where_covered(lit, traced, points.lamps))
-        recipe = replace(recipe, light=points.buffer)
-        rungs.add("size", recipe)
+        recipe = rungs.add("size", replace(recipe, light=points.buffer))
     else:
         rungs.skip("there are no lights but the environment", "size")
     everything = _where_covered(traced.beauty, traced, points.total)
-    recipe = replace(recipe, light=points.surface.buffer(everything))
-    rungs.add("indirect", recipe)
-    recipe = replace(recipe, light=traced, settings=replace(recipe.settings, profile="physical"))
-    rungs.add("coverage", recipe)
-    return recipe
+    recipe = rungs.add("indirect", replace(recipe, light=points.surface.buffer(everything)))
+    return rungs.add("coverage", replace(recipe, light=traced, settings=replace(recipe.settings, profile="physical")))
 
 
 def _where_covered(premultiplied: F32, traced: LightingBuffer, otherwise: F32) -> F32:
@@ -344,14 +332,11 @@ def _blended_physically(subject: Subject, rungs: Rungs, recipe: Recipe) -> Recip
             rungs.skip("the job asks for display space", "tint")
     if not drawing.linear and recipe.display != physical_display(job):
         plain = replace(splats.composite(replace(drawing, tone="none", exposure=1.0)), profile="physical")
-        recipe = replace(recipe, splats=plain, display=physical_display(job))
-        rungs.add("tone", recipe)
+        recipe = rungs.add("tone", replace(recipe, splats=plain, display=physical_display(job)))
     else:
         where = "tone maps the finished frame too" if curve != "none" else "and the job have no tone curve"
         rungs.skip(f"the engine {where}", "tone")
-    recipe = replace(recipe, splats=splats.composite(replace(job.compositor, profile="physical")))
-    rungs.add("kernel", recipe)
-    return recipe
+    return rungs.add("kernel", replace(recipe, splats=splats.composite(replace(job.compositor, profile="physical"))))
 
 
 def _by_the_jobs_mode(subject: Subject, rungs: Rungs, recipe: Recipe, seed: int) -> None:

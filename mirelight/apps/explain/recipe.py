@@ -217,9 +217,10 @@ class Rungs:
     frames: list[Rung] = field(default_factory=list)
     absent: list[tuple[str, str]] = field(default_factory=list)
 
-    def add(self, name: str, recipe: Recipe) -> None:
-        """The frame of a recipe, under the name of the cause that it takes away."""
+    def add(self, name: str, recipe: Recipe) -> Recipe:
+        """The frame of a recipe, under the name of the cause that it takes away; the recipe."""
         self.append(name, self.shown(recipe))
+        return recipe
 
     def append(self, name: str, frame: F32) -> None:
         """A frame (H, W, 3) of display values."""

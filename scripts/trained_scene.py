@@ -109,7 +109,7 @@ def job_text(made_of: Recipe) -> str:
         f"# {made_of.title}",
         f"# Made by scripts/make_scenes.py {made_of.name} as people capture: splats trained on {PICTURES} pictures,",
         "# and the cameras that took them. No mesh comes with it: the first command makes one from the splats, in",
-        "# two minutes of CPU time, and keeps it for all others.",
+        "# three minutes of CPU time, and keeps it for all others.",
         f'splats = "{SPLATS}"',
         f'proxy = {{ path = "splats", cameras = "{CAMERAS}", albedo = "splats" }}',
         "resolution = [640, 360]",

@@ -1,6 +1,6 @@
 """The shipped capture that is as people have theirs: splats trained on pictures of the plinth.
 
-`scripts/make_scenes.py plinth` makes it. No mesh goes with it.
+`scripts/make_scenes.py plinth` makes it. No mesh goes with it; its captured light is what `mirelight estimate` finds.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from scenegen import plinth, training, writing
 from scenegen.recipe import Recipe
 from scenegen.truth import Truth
 
+from mirelight import cli
 from mirelight.io import splats
 from mirelight.io.cameras.transforms import lens_entry, matrix_entry
 from mirelight.model import Camera, Lighting, SunLight
@@ -25,7 +26,7 @@ F32 = NDArray[np.float32]
 
 PICTURES, APART = 54, 6  # trained on; looked at afterwards alone
 SHOOTING = training.Shooting(size=(480, 320), spp=16, sky=True, iterations=1000, most=55_000, points=36_000)
-SPLATS, CAMERAS, JOB = "splats.spz", "transforms.json", "job.toml"
+SPLATS, CAMERAS, JOB, ESTIMATE = "splats.spz", "transforms.json", "job.toml", "captured.toml"
 PHOTOGRAPHS, QUALITY = "pictures", 80  # WebP: 33 dB, as much as splats show of them at most
 EYE, TARGET, YFOV = (0.9, 1.8, 1.7), (0.0, 0.55, 0.0), 46.0  # of the job's camera, which took none of the pictures
 FRONT = Camera.look_at(EYE, TARGET, 640, 360, yfov=YFOV, name="front")
@@ -88,9 +89,11 @@ def make(folder: Path, kept: Path, say: Callable[[str], None]) -> None:
     for i, picture in enumerate(taken):
         image = Image.fromarray((picture * 255 + 0.5).astype(np.uint8))
         image.save(folder / PHOTOGRAPHS / f"{i:02}.webp", quality=QUALITY)
-    for lighting in (made_of.captured, *made_of.lightings):
+    for lighting in made_of.lightings:
         writing.write_lighting(lighting, folder)
-    (folder / JOB).write_text(job_text(made_of), encoding="utf-8")
+    (folder / JOB).write_text(job_text(made_of, 'captured = "estimate"\n'), encoding="utf-8")
+    estimate(folder)
+    say("its light is found")
 
 
 def write_cameras(cameras: Sequence[Camera], folder: Path) -> None:
@@ -103,8 +106,14 @@ def write_cameras(cameras: Sequence[Camera], folder: Path) -> None:
     (folder / CAMERAS).write_text('{"frames": [\n' + ",\n".join(frames) + "\n]}\n", encoding="utf-8")
 
 
-def job_text(made_of: Recipe) -> str:
-    """The job: one camera under every new lighting."""
+def job_text(made_of: Recipe, captured: str) -> str:
+    """The job: one camera under every new lighting.
+
+    Args:
+        made_of: the scene.
+        captured: TOML that says what light it was captured under; a table stands last in a file, a key first.
+    """
+    table = captured.lstrip().startswith(("#", "["))
     lines = [
         f"# {made_of.title}",
         f"# Made by scripts/make_scenes.py {made_of.name} as people capture: splats trained on {PICTURES} pictures,",
@@ -114,25 +123,26 @@ def job_text(made_of: Recipe) -> str:
         f'proxy = {{ path = "splats", cameras = "{CAMERAS}", albedo = "splats" }}',
         "resolution = [640, 360]",
     ]
+    lines += [] if table else [captured.strip()]
     lines += ["", "[[cameras]]", f'name = "{FRONT.name}"', f"position = {_numbers(EYE)}"]
     lines += [f"target = {_numbers(TARGET)}", f"yfov = {YFOV:g}"]
-    lines += ["", *_lighting_lines(made_of.captured, "captured")]
     for lighting in made_of.lightings:
-        lines += ["", *_lighting_lines(lighting, "lightings")]
+        lines += ["", *_lighting_lines(lighting)]
     lines += ["", "[render]", f"spp = {made_of.spp}"]
     lines += ["", "[output]", f'directory = "../../out/{made_of.name}"', "half = true"]
+    lines += ["", captured.strip()] if table else []
     return "\n".join(lines) + "\n"
 
 
-def _lighting_lines(lighting: Lighting, key: str) -> list[str]:
-    lines = ["[captured]"] if key == "captured" else [f"[[{key}]]", f'name = "{lighting.name}"']
+def _lighting_lines(lighting: Lighting) -> list[str]:
+    lines = ["[[lightings]]", f'name = "{lighting.name}"']
     if any(not isinstance(light, SunLight) for light in lighting.lights):
         lines.append(f'lights_from = "{lighting.name}.glb"')
     if lighting.environment is not None:
         lines.append(f'environment = {{ path = "{lighting.name}.hdr" }}')
     for sun in lighting.lights:
         if isinstance(sun, SunLight):
-            lines += ["", f"[[{key}.lights]]", 'type = "sun"', f'name = "{sun.name}"']
+            lines += ["", "[[lightings.lights]]", 'type = "sun"', f'name = "{sun.name}"']
             lines += [f"direction = {_numbers(sun.direction)}", f"color = {_numbers(sun.color)}"]
             lines += [f"intensity = {sun.intensity:g} # lux", f"angular_diameter = {sun.angular_diameter:g} # degrees"]
     return lines
@@ -140,3 +150,15 @@ def _lighting_lines(lighting: Lighting, key: str) -> list[str]:
 
 def _numbers(values: object) -> str:
     return "[" + ", ".join(f"{float(v):.6g}" for v in np.asarray(values)) + "]"
+
+
+def estimate(folder: Path) -> None:
+    """Find the captured light as a person does, and paste it into the job."""
+    found = folder / ESTIMATE
+    if cli.main(["estimate", str(folder / JOB), "-o", str(found)]) != 0:
+        raise RuntimeError("the estimate failed; its line is above")
+    typed = f"mirelight estimate scenes/{folder.name}/{JOB} -o {ESTIMATE}"
+    said = f'# Found by `{typed}` when this file said captured = "estimate":\n'
+    (folder / JOB).write_text(job_text(recipe(), said + found.read_text(encoding="utf-8")), encoding="utf-8")
+    for left in (found, found.with_suffix(".png")):
+        left.unlink()

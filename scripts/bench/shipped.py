@@ -47,8 +47,9 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
     ways = {
         "tint": _opened(replace(job, relight=replace(job.relight, mode="tint")), found),
         "as shipped": found,
+        "light known": _opened(replace(job, captured=made_of.captured), found),
     }
-    yield "day, as captured", decibels(capture[surface], shown(truth("plinth", "day", size))[surface]), "", ""
+    yield "day, as captured", decibels(capture[surface], shown(truth("plinth", "day", size))[surface]), "", "", ""
     for lighting in job.lightings:
         true = shown(truth("plinth", lighting.name, size))
         frames = [capture, *(shown(stages.frame(scene, camera, lighting).rgba) for scene in ways.values())]
@@ -73,7 +74,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--width", type=int, default=320)
     parser.add_argument("--cache", type=path, default=ROOT / "out" / "bench_shipped", help="where artefacts are kept")
-    parser.add_argument("--pictures", type=path, help="capture | tint | as shipped | truth go there")
+    parser.add_argument("--pictures", type=path, help="capture | tint | as shipped | light known | truth go there")
 
 
 def run(chosen: argparse.Namespace) -> list[Table]:
@@ -83,5 +84,5 @@ def run(chosen: argparse.Namespace) -> list[Table]:
     job = jobs.load(ROOT / "scenes" / "plinth" / "job.toml", settings)
     job = replace(job, cameras=(job.cameras[0].resized(width, width * 9 // 16),))
     job = replace(job, output=replace(job.output, directory=chosen.cache))
-    columns = ("", "unchanged capture", "tint", "as shipped")
+    columns = ("", "unchanged capture", "tint", "as shipped", "light known")
     return [table("A trained capture", columns, rows(job, chosen.pictures))]

@@ -25,7 +25,7 @@ from mirelight.relighting import apply, unlit_rgba
 SCENE = Path(__file__).parents[2] / "scenes" / "plinth"
 BLOCKS = 80, 45  # averaged in linear light before comparing, against the noise of both sides
 FURTHER = 3.0  # dB by which frames must be closer to the truth than tint and capture
-WRONG_SUN = 3.0  # degrees, however the light was found
+WRONG_SUN = 3.0  # degrees
 
 Pixels = NDArray[np.float32]
 
@@ -92,7 +92,7 @@ def test_cameras_are_those_of_the_splats() -> None:
     assert psnr(*sides) > 20
 
 
-def test_the_captured_sun_stands_where_it_stood() -> None:
+def test_the_sun_that_was_found_stands_where_it_stood() -> None:
     found, true = (
         next(x for x in one.lights if isinstance(x, SunLight)) for one in (light("captured"), recipe().captured)
     )

@@ -2,8 +2,9 @@
 
 With irradiance / pi = open @ sky + seen * sun + met, the logarithm of albedo is log color - log(irradiance / pi). The
 loss is a robust mean over pairs of places, near and farther ones, whose albedos have the same chroma, of how much these
-differ. It knows scale from what surfaces send each other alone, and colour hardly, so what comes from sky and
-sun (not what surfaces send, which has their colour) is drawn to white in the mean, and albedos between bounds.
+differ. It knows scale from what surfaces send each other alone, and colour hardly. So the sun is drawn to sunlight's
+colour, or without one what comes from sky and lamps (not what surfaces send, which has their colour) to white in the
+mean; and albedos between bounds.
 """
 
 from __future__ import annotations
@@ -169,6 +170,7 @@ class Weighing:
     firm: NDArray[np.bool_] | None = None  # (N,) places that are fitted to; None: all
     robust: float = TUNING.fit_robust  # of the logarithm of albedo: less where colours are means
     steady: float = 0.0  # weight of squared logarithms of quotients of neighbouring rings above the horizon
+    sunlight: F64 | None = None  # (3,) colour that the first beam is drawn to; None: all direct light is, to white
 
 
 _ALIKE = Weighing()
@@ -196,7 +198,7 @@ def fit(
         by: what counts.
     """
     firm = np.ones(len(color), bool) if by.firm is None else by.firm
-    task = _Compared.of(color, open_, met, seen, pairs, firm, by.robust)
+    task = _Compared.of(color, open_, met, seen, pairs, firm, by)
     # ring means, each patch's departure from its ring's, the beams
     theta = np.zeros((_BEAMS + seen.shape[1], 3))
     theta[: len(RINGS)] = np.log(max(sky, 1e-6))
@@ -219,12 +221,19 @@ def fit(
         gradient[len(RINGS) : _BEAMS] = by_source[:PATCHES] + (2 * TUNING.fit_smooth / PATCHES) * apart
         gradient[len(RINGS) : _BEAMS][lone] = 0
         gradient[_BEAMS:] = by_source[PATCHES:]
+        if by.sunlight is not None:
+            gradient[_BEAMS] += TUNING.fit_white * 2 * _chroma(theta[_BEAMS] - np.log(by.sunlight))
         first = 0.9 * first + 0.1 * gradient
         second = 0.99 * second + 0.01 * gradient**2
         rate = TUNING.fit_rate * 0.5 * (1 + np.cos(np.pi * step / TUNING.fit_steps))
         theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
     sources = _radiances(theta)
     return Fitted(sources[:PATCHES], sources[PATCHES:], task.loss(sources, weights))
+
+
+def _chroma(level: F64) -> F64:
+    """Logarithms (3,) less their mean."""
+    return np.asarray(level - level.mean())
 
 
 def _radiances(theta: F64) -> F64:
@@ -245,12 +254,13 @@ class _Compared:
     mean_met: F64  # (3,)
     pairs: Pairs  # of the F places
     robust: float
+    white: float  # weight of direct light that is white in the mean
     bounded: tuple[tuple[Int, Int], ...]  # by channel, pairs whose first, and second, place shows white
     spread: Any  # (F, P) sparse: adds what pairs ask for to their first place, and takes it from the second
 
     @staticmethod
     def of(
-        color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, firm: NDArray[np.bool_], robust: float
+        color: F64, open_: F64, met: F64, seen: F64, pairs: Pairs, firm: NDArray[np.bool_], by: Weighing
     ) -> _Compared:
         """The pairs of all N places."""
         from scipy.sparse import csr_array
@@ -267,7 +277,8 @@ class _Compared:
             mean_parts=parts.mean(axis=0),
             mean_met=met.mean(axis=0),
             pairs=pairs,
-            robust=robust,
+            robust=by.robust,
+            white=TUNING.fit_white if by.sunlight is None else 0.0,
             bounded=tuple(
                 (np.flatnonzero(white[pairs.a]), np.flatnonzero(white[pairs.b])) for white in pairs.clipped.T
             ),
@@ -292,12 +303,12 @@ class _Compared:
             d /= below
             by_light[k] = self.spread @ d
         by_light *= 2 * self.robust**2 / 3
-        over = np.maximum(a - np.log(TUNING.fit_bright), 0) - np.maximum(np.log(TUNING.fit_dark) - a, 0)
-        by_light += (TUNING.fit_bounds * 2 / (3 * a.shape[1])) * over
+        over = TUNING.fit_brights * np.maximum(a - np.log(TUNING.fit_bright), 0)
+        over -= TUNING.fit_bounds * np.maximum(np.log(TUNING.fit_dark) - a, 0)
+        by_light += (2 / (3 * a.shape[1])) * over
         by_light /= -soft
         direct = np.maximum(self._mean(sources) - self.mean_met, 1e-12)
-        level = np.log(direct)
-        by_mean = TUNING.fit_floor * by_light.sum() / 3 + TUNING.fit_white * 2 * (level - level.mean()) / direct
+        by_mean = TUNING.fit_floor * by_light.sum() / 3 + self.white * 2 * _chroma(np.log(direct)) / direct
         return np.asarray(np.einsum("pn,cn->pc", self.parts, by_light) + self.mean_parts[:, None] * by_mean)
 
     def loss(self, sources: F64, weights: F64) -> float:

@@ -20,6 +20,8 @@ from mirelight.model import F64
 _AT_ONCE = 250  # directions
 _STRIDE = 5  # no divisor of either number of points: which point of the splat goes with which of the disc
 
+_WAVELENGTHS = np.array([0.61, 0.55, 0.465])  # micrometres, that Rec.709 red, green and blue stand for
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Search:
@@ -282,3 +284,15 @@ def _halves(points: F64, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         return [rows]
     axis = int(np.argmax(np.ptp(points[rows], axis=0)))
     return np.array_split(rows[np.argsort(points[rows, axis], kind="stable")], 2)
+
+
+def color_of(to_sun: F64) -> F64:
+    """(3,) linear Rec.709 up to a factor: sunlight from that direction (3,), +Y up, as cameras show it.
+
+    Less blue comes through the air the lower the sun stands: Rayleigh scattering (Leckner, The spectral distribution of
+    solar radiation at the earth's surface, 1978) and haze (Ångström's law), by the air mass of Kasten and Young (1989).
+    """
+    elevation = float(np.degrees(np.arcsin(np.clip(to_sun[1], 0, 1))))
+    mass = 1 / (np.sin(np.radians(elevation)) + 0.50572 * (elevation + 6.07995) ** -1.6364)
+    depth = 0.008735 * _WAVELENGTHS**-4.08 + TUNING.sun_haze * _WAVELENGTHS**-1.3
+    return np.asarray(np.exp(-depth * (min(mass, TUNING.sun_most_air) - TUNING.sun_white_air)))

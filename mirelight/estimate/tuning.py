@@ -68,10 +68,12 @@ class Tuning:
     fit_most_worth: float = 8.0  # but each no more than so many others
     fit_white_out: float = 0.98  # linear: what shows as bright may have been any brighter
     fit_robust: float = 0.25  # of the logarithm of albedo: beyond, two places are of different material
-    fit_white: float = 0.3  # weight of light from sun and sky that is white in the mean
+    fit_white: float = 0.3  # weight of a sun that has sunlight's colour; without, of light that is white in the mean
     fit_dark: float = 0.035  # albedo: the darkest that is likely
     fit_bright: float = 0.7  # albedo: the brightest; blur takes contrast from pictures, and so light
-    fit_bounds: float = 0.2  # weight of albedos beyond both
+    fit_bounds: float = 0.2  # weight of albedos below the darkest
+    # of those above the brightest: on three true surfaces light is a sixth too weak with 0.2, a twelfth too much with 3
+    fit_brights: float = 1.0
     fit_smooth: float = 0.2  # weight of patches that differ from their ring's mean
     # weight of rings above the horizon that differ from the next: a proxy's errors pass for such skies
     fit_steady: float = 0.01
@@ -111,6 +113,12 @@ class Tuning:
     sun_changed: float = 0.02  # of the sun: more of it than that counts as a change
     sun_same: float = 1.0  # degrees between two suns that are one
     sun_elsewhere: float = cos(radians(16.0))  # from a sun: nearer ones share most of its shadows
+
+    # its colour: white in the mean of sun and sky made the light of a blue sky and a white sun 1.28 times too yellow
+    sun_haze: float = 0.05  # Ångström's coefficient: a clear day
+    # air masses of light that shows as white: cameras are set for the sun's light at noon, or for it with the sky's
+    sun_white_air: float = 0.5
+    sun_most_air: float = 4.0  # of a low sun: cameras take part of its colour away
 
     # edges of shadows (`edges`)
     # places that edges are looked for between: with a third of them texture hid a sun that all tell

@@ -72,7 +72,7 @@ class Tuning:
     fit_dark: float = 0.035  # albedo: the darkest that is likely
     fit_bright: float = 0.7  # albedo: the brightest; blur takes contrast from pictures, and so light
     fit_bounds: float = 0.2  # weight of albedos below the darkest
-    # of those above the brightest: with 0.2 light is a sixth too weak on three true surfaces of trained captures, with 1
+    # of those above the brightest: with 0.2 light is a sixth too weak on true surfaces of trained captures, with 1
     # right; but then a twelfth too strong on their own proxies, and more on ideal discs, whose colours are too bright
     fit_brights: float = 0.5
     fit_smooth: float = 0.2  # weight of patches that differ from their ring's mean

@@ -85,7 +85,10 @@ def unknown(found: Estimate) -> Iterator[str]:
         yield f"how wide the sun's disc is: anything from {low:.2g}° to {high:.2g}° explains about as much"
     if c.albedo[2] > 1:
         yield "the light where albedos come out above 1: glow, gloss, or a proxy that misfits there"
-    yield "its colour: it is taken as white in the mean; a sunset's or a lamp's colour stays in the surfaces"
+    if found.sun.any():
+        yield "its colour: the sun has that of sunlight at its height; what else pictures had stays in the surfaces"
+    else:
+        yield "its colour: it is taken as white in the mean; a sunset's or a lamp's colour stays in the surfaces"
     yield "parts of the sky that the same splats see, and what casts shadows from outside the proxy"
     yield "small lamps, lamps that are no points, and what pictures that were tone-mapped or exposed by themselves hide"
 

@@ -287,17 +287,10 @@ def _descended(task: _Task, start: tuple[float, float] | None = None, steady: fl
     # a sky with a sun is fitted by what it differs from one that glows around it, as bright at these places
     shape = np.ones(PATCHES) if task.sun is None else glow(task.sun.to_sun)
     shape *= opening / max(float(places.open.mean(axis=0) @ shape), 1e-9)
-    by = fit.Weighing(task.firm, task.robust, steady, _sunlight(task))
+    sunlight = None if task.sun is None else sun.sunlight(places, task.pairs, task.seen[:, 0], task.sun.to_sun)
+    by = fit.Weighing(task.firm, task.robust, steady, sunlight)
     light = fit.fit(places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams, by)
     return _Found(task.sun, task.lamps, replace(light, sky=light.sky * shape[:, None]))
-
-
-def _sunlight(task: _Task) -> F64 | None:
-    """(3,) the colour of sunlight; None: there is no sun, or most of what it lights shows white, which hides it."""
-    if task.sun is None:
-        return None
-    white = task.pairs.clipped[sun.lit(task.places, task.seen[:, 0], task.sun.to_sun)].any(axis=1)
-    return sun.color_of(task.sun.to_sun) if len(white) and white.mean() < TUNING.sun_white else None
 
 
 def _best(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken) -> tuple[_Found, float]:

@@ -286,6 +286,13 @@ def _halves(points: F64, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     return np.array_split(rows[np.argsort(points[rows, axis], kind="stable")], 2)
 
 
+def sunlight(places: Places, pairs: Pairs, seen: F64, to_sun: F64) -> F64 | None:
+    """(3,) the colour that a sun is taken to have, where it brings places `seen` (N,); None: most of them show white,
+    which hides it."""
+    white = pairs.clipped[np.flatnonzero(lit(places, seen, to_sun))]
+    return color_of(to_sun) if len(white) and white.any(axis=1).mean() < TUNING.sun_white else None
+
+
 def color_of(to_sun: F64) -> F64:
     """(3,) linear Rec.709 up to a factor: sunlight from that direction (3,), +Y up, as cameras show it.
 

@@ -44,7 +44,7 @@ def made(kind: type[_T], values: Any) -> _T:
     """
     if not isinstance(values, Mapping):
         raise TypeError(kind.__name__)
-    hints, own = _hints(kind), dict[str, Any]()
+    hints, own = _hints(cast(Any, kind)), dict[str, Any]()
     for field in fields(cast(Any, kind)):
         if field.name in values:
             value = values[field.name]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ from mirelight.io.exr import read_header
 from mirelight.io.frame_texts import CAMERA, PROVENANCE, read_text
 from mirelight.io.image import read_fingerprint
 from mirelight.io.png import encode_display, read_png_text
-from mirelight.model import Profile
 from mirelight.store.layer_index import FILE as LAYERS
 from mirelight.store.planned import PlannedRuns
 
@@ -177,7 +176,7 @@ def _mixed(data: DataSet) -> list[Shot]:
     def pixels(camera: int, lighting: int) -> NDArray[np.uint8]:
         rgba = data.frame(camera, lighting)
         behind = data.background(camera, lighting, rgba[..., 3])
-        return encode_display(rgba, index.display, cast(Profile, index.profile), whole=index.linear, behind=behind)
+        return encode_display(rgba, index.display, index.profile, whole=index.linear, behind=behind)
 
     return [
         Shot(f"{camera.name}.{lighting}", camera.name, lighting, partial(pixels, i, j))

@@ -42,7 +42,7 @@ class Tuning:
     stereo_agree: int = 3  # other views that find it in the same place; 2 make leaves swell
     stereo_apart: float = 1.0  # px: the same place
     stereo_behind: float = 6.0  # px of depth: no longer the same surface
-    stereo_least: float = 0.1  # share of the pixels: with fewer, splats are blurred (0.01) or poses off; sharp ones find 0.3
+    stereo_least: float = 0.1  # share of the pixels: of blurred splats fewer are found (0.01), of sharp ones 0.3
     stereo_through: int = 2  # views that are sure of something behind a pixel that is not found: it shows nothing
     stereo_doubt: float = 0.3  # how much pixels count that are not found: 1 leaves what hangs in the sky, 0.1 the same
     stereo_around: tuple[float, ...] = (40.0, 16.0, 6.0)  # how far what is found moves depths beside it

@@ -42,7 +42,7 @@ def run_new(args: argparse.Namespace) -> int:
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
     objects = tuple(existing(x) for x in args.objects)
-    found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects))
+    found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects, estimated=True))
     write_file(out, found.text)
     notes = (found.up, *found.not_taken, found.as_captured)
     go_on = f"{out} is written; go on with: mirelight render {out}"

@@ -170,7 +170,8 @@ class Weighing:
     firm: NDArray[np.bool_] | None = None  # (N,) places that are fitted to; None: all
     robust: float = TUNING.fit_robust  # of the logarithm of albedo: less where colours are means
     steady: float = 0.0  # weight of squared logarithms of quotients of neighbouring rings above the horizon
-    sunlight: F64 | None = None  # (3,) colour that the first beam is drawn to; None: all direct light is, to white
+    sunlight: F64 | None = None  # (3,) colour that the first beam is drawn to, from that step on;
+    sunlight_from: int = 0  # before, or without one, all direct light is drawn to white
 
 
 _ALIKE = Weighing()
@@ -211,7 +212,9 @@ def fit(
         a, soft = task.albedo(sources)
         if step % TUNING.fit_again == 0:
             weights = task.pairs.weights(a.T)
-        by_source = task.gradient(sources, a, soft, weights) * sources
+        sunlight = by.sunlight if step >= by.sunlight_from else None
+        white = TUNING.fit_white if sunlight is None else 0.0
+        by_source = task.gradient(sources, a, soft, weights, white) * sources
         apart = theta[len(RINGS) : _BEAMS]
         gradient = np.zeros_like(theta)
         np.add.at(gradient, RING_OF, by_source[:PATCHES])
@@ -221,8 +224,8 @@ def fit(
         gradient[len(RINGS) : _BEAMS] = by_source[:PATCHES] + (2 * TUNING.fit_smooth / PATCHES) * apart
         gradient[len(RINGS) : _BEAMS][lone] = 0
         gradient[_BEAMS:] = by_source[PATCHES:]
-        if by.sunlight is not None:
-            gradient[_BEAMS] += TUNING.fit_white * 2 * _chroma(theta[_BEAMS] - np.log(by.sunlight))
+        if sunlight is not None:
+            gradient[_BEAMS] += TUNING.fit_white * 2 * _chroma(theta[_BEAMS] - np.log(sunlight))
         first = 0.9 * first + 0.1 * gradient
         second = 0.99 * second + 0.01 * gradient**2
         rate = TUNING.fit_rate * 0.5 * (1 + np.cos(np.pi * step / TUNING.fit_steps))
@@ -254,7 +257,6 @@ class _Compared:
     mean_met: F64  # (3,)
     pairs: Pairs  # of the F places
     robust: float
-    white: float  # weight of direct light that is white in the mean
     bounded: tuple[tuple[Int, Int], ...]  # by channel, pairs whose first, and second, place shows white
     spread: Any  # (F, P) sparse: adds what pairs ask for to their first place, and takes it from the second
 
@@ -278,7 +280,6 @@ class _Compared:
             mean_met=met.mean(axis=0),
             pairs=pairs,
             robust=by.robust,
-            white=TUNING.fit_white if by.sunlight is None else 0.0,
             bounded=tuple(
                 (np.flatnonzero(white[pairs.a]), np.flatnonzero(white[pairs.b])) for white in pairs.clipped.T
             ),
@@ -292,8 +293,9 @@ class _Compared:
         soft += TUNING.fit_floor * self._mean(sources).mean()
         return self.log_color - np.log(soft), soft
 
-    def gradient(self, sources: F64, a: F64, soft: F64, weights: F64) -> F64:
-        """(PATCHES + K, 3) of the loss and all that is asked of light, by sources."""
+    def gradient(self, sources: F64, a: F64, soft: F64, weights: F64, white: float) -> F64:
+        """(PATCHES + K, 3) of the loss and all that is asked of light, by sources; `white`: weight of direct light that
+        is white in the mean."""
         by_light = np.empty_like(a)
         for k, d in enumerate(self._apart(a)):
             below = d * d
@@ -308,7 +310,7 @@ class _Compared:
         by_light += (2 / (3 * a.shape[1])) * over
         by_light /= -soft
         direct = np.maximum(self._mean(sources) - self.mean_met, 1e-12)
-        by_mean = TUNING.fit_floor * by_light.sum() / 3 + self.white * 2 * _chroma(np.log(direct)) / direct
+        by_mean = TUNING.fit_floor * by_light.sum() / 3 + white * 2 * _chroma(np.log(direct)) / direct
         return np.asarray(np.einsum("pn,cn->pc", self.parts, by_light) + self.mean_parts[:, None] * by_mean)
 
     def loss(self, sources: F64, weights: F64) -> float:

@@ -288,8 +288,11 @@ def _descended(task: _Task, start: tuple[float, float] | None = None, steady: fl
     shape = np.ones(PATCHES) if task.sun is None else glow(task.sun.to_sun)
     shape *= opening / max(float(places.open.mean(axis=0) @ shape), 1e-9)
     sunlight = None if task.sun is None else sun.sunlight(places, task.pairs, task.seen[:, 0], task.sun.to_sun)
-    by = fit.Weighing(task.firm, task.robust, steady, sunlight)
-    light = fit.fit(places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams, by)
+    # one that is surely there may fade away on either way down; of others, the strict way tells right ones from wrong
+    starts = (0, TUNING.fit_steps // 2) if sunlight is not None and task.sun and task.sun.sure else (0,)
+    ways = [fit.Weighing(task.firm, task.robust, steady, sunlight, start) for start in starts]
+    asked = (places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams)
+    light = min((fit.fit(*asked, way) for way in ways), key=lambda found: found.loss)
     return _Found(task.sun, task.lamps, replace(light, sky=light.sky * shape[:, None]))
 
 

@@ -111,6 +111,7 @@ class Sun:
     # degrees: none of these surely explains less, as far as was asked
     radii: tuple[float, float] = (0.0, TUNING.sun_radii[-1])
     least_said: float = -np.inf  # where it may be moved to: what shadows' edges say there at least
+    sure: bool = False  # they tell this one and no other
 
     @property
     def by_edges(self) -> bool:
@@ -149,7 +150,7 @@ def voted(of: Search, edges: Spoken, most: int) -> tuple[Sun, ...]:
     """The suns for which shadows' edges speak most, with a disc to start from: on a proxy that hides a sun from the
     search its edges tell none."""
     return tuple(
-        replace(_with_disc(of, way, (TUNING.sun_voted_radius,)), least_said=score - TUNING.sun_said)
+        replace(_with_disc(of, way, (TUNING.sun_voted_radius,)), least_said=score - TUNING.sun_said, sure=edges.sure)
         for way, score in zip(edges.ways[:most], edges.scores[:most], strict=True)
     )
 

@@ -14,6 +14,7 @@ from mirelight.apps.first_job.toml_text import Names, position, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
+from mirelight.estimate.tuning import TUNING
 from mirelight.model import SplatCloud
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
@@ -29,6 +30,7 @@ class Wish:
     resolution: tuple[int, int] = (960, 540)
     up: tuple[float, float, float] | None = None  # in the splats' own axes; None: it is looked for
     objects: tuple[Path, ...] = ()  # meshes that are put into the capture; without a light they are lit by its own
+    estimated: bool = False  # its own light is, where its cameras are known; else an even one is assumed
 
     @property
     def as_captured(self) -> bool:
@@ -82,6 +84,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     seen = view.best(world, str(capture), () if looking is None else looking.placed(turn), outside=outside)
     known = None if proxy is None else captured.find(world, proxy, looking, turn)
     named = Names(folder)
+    asked = known is None and (bool(wish.objects) or (wish.estimated and proxy is None and looking is not None))
+    level = seen.luminance / TUNING.mean_albedo if asked and not wish.objects else 1.0
     if proxy is None:
         _refuse_no_surface(capture, world, seen, misfit)
     lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
@@ -90,18 +94,20 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         f"# {printable(capture.name)}: written by `mirelight new`. Every key: {page('job file')}",
         *_splats(capture, which_way, found, named),
         *(
-            _made(cameras, looking, seen.room, misfit, named)
+            _made(cameras, looking, asked, misfit, named)
             if proxy is None
             else _given(proxy, looking, found, known, named, colored=bool(wish.objects))
         ),
-        *_for_objects(wish, known),
+        *_own_light(wish, asked),
         *_cameras(cameras, unread, wish, named),
         *_camera(seen, wish),
-        *_captured(seen, proxy, known, wish),
+        "",
+        f"# {seen.brightness}",
+        *(() if known is not None or asked else _assumed(seen, proxy)),
         *(
             ()
             if wish.as_captured
-            else lighting.lightings(world, seen, wish.light, lit, dark, 1.0 if known is None else known.level, named)
+            else lighting.lightings(world, seen, wish.light, lit, dark, level if known is None else known.level, named)
         ),
         *objects.objects(wish.objects, seen, named),
         *_rest(finer=cameras is not None and _finer(cameras, seen, wish)),
@@ -168,11 +174,11 @@ def _given(
         yield 'captured = "estimate"'
 
 
-def _for_objects(wish: Wish, known: captured.Known | None) -> Iterator[str]:
+def _own_light(wish: Wish, asked: bool) -> Iterator[str]:
     """The light that is there, by which objects are lit, or which new light is compared with."""
-    if wish.objects and known is None:
+    if asked:
         yield ""
-        yield "# The capture's own light, which is estimated once."
+        yield "# The capture's own light, which is estimated once; `mirelight estimate` says what is not known of it."
         yield 'captured = "estimate"'
     if wish.as_captured:
         yield ""
@@ -183,7 +189,7 @@ def _for_objects(wish: Wish, known: captured.Known | None) -> Iterator[str]:
 def _made(
     cameras: beside.Cameras | None,
     looking: beside.Cameras | None,
-    room: bool,
+    colored: bool,
     misfit: beside.Misfit | None,
     named: Names,
 ) -> Iterator[str]:
@@ -195,17 +201,14 @@ def _made(
     if cameras is None:
         yield 'proxy = "splats"'
         return
-    with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)} }}'
+    colours = ', albedo = "splats"' if colored else ""
+    with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)}{colours} }}'
     if looking is None:
         name = printable(cameras.path.name)
         yield f"# {name} is left out: few of its cameras see splats."
         yield 'proxy = "splats"'
-    elif room:
-        yield "# Where the pictures leave walls out:"
-        yield f"# {with_them}"
-        yield 'proxy = "splats"'
     else:
-        yield "# Walls that no picture shows are closed against light."
+        yield "# The pictures' cameras tell where surfaces lie; walls that none shows are closed against light."
         yield with_them
 
 
@@ -247,13 +250,8 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
     yield f"near = {away / 1000:.3g}"
 
 
-def _captured(
-    seen: view.FirstView, proxy: beside.Proxy | None, known: captured.Known | None, wish: Wish
-) -> Iterator[str]:
-    yield ""
-    yield f"# {seen.brightness}"
-    if known is not None or wish.objects:
-        return
+def _assumed(seen: view.FirstView, proxy: beside.Proxy | None) -> Iterator[str]:
+    """The capture's own light, where it is not known."""
     if seen.room:
         yield "# A room, whose own light is not known: new light multiplies its colours (mode tint)."
         yield f"# Where you know its lamps, name them in [captured]: {page('captured light')}"

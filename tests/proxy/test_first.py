@@ -213,7 +213,7 @@ def test_cameras_beside_a_capture_are_rendered_too(
 
 @pytest.mark.parametrize("where", ["outside", "in a room", "elsewhere"])
 def test_cameras_beside_a_capture_close_its_proxy(tmp_path: Path, where: str) -> None:
-    """Not in a room, whose walls are all seen; nor where they look past the splats."""
+    """But not where they look past the splats."""
     cloud = box_shell(16, 0.5, thin=0.05) if where == "in a room" else ball()
     splats.write(cloud, tmp_path / "capture.ply")
     cameras_beside(tmp_path, 6, 640)
@@ -222,7 +222,7 @@ def test_cameras_beside_a_capture_close_its_proxy(tmp_path: Path, where: str) ->
         splats.write(away, tmp_path / "capture.ply")
     text = job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).text
     line = 'proxy = { path = "splats", cameras = "transforms.json" }'
-    if where == "outside":
+    if where != "elsewhere":
         assert line in text.splitlines()
         work = job.load_text(text, tmp_path / "job.toml")
         assert work.made_proxy is not None
@@ -230,8 +230,22 @@ def test_cameras_beside_a_capture_close_its_proxy(tmp_path: Path, where: str) ->
         assert without is not None and work.made_proxy.digest != without.digest
     else:
         assert tomllib.loads(text)["proxy"] == "splats"
-        assert ("# " + line in text) == (where == "in a room")
     assert ("captured" in tomllib.loads(text)) == (where != "in a room")  # no light comes in from all around
+
+
+@pytest.mark.parametrize("cameras", [True, False])
+def test_light_is_estimated_where_cameras_tell_the_surface(tmp_path: Path, cameras: bool) -> None:
+    splats.write(ball(), tmp_path / "capture.ply")
+    if cameras:
+        cameras_beside(tmp_path, 6, 640)
+    assert cli.main(["new", str(tmp_path / "capture.ply"), "-o", str(tmp_path / "job.toml")]) == 0
+    made = tomllib.loads((tmp_path / "job.toml").read_text(encoding="utf-8"))
+    if cameras:
+        assert made["captured"] == "estimate"
+        assert made["proxy"] == {"path": "splats", "cameras": "transforms.json", "albedo": "splats"}
+        job.load(tmp_path / "job.toml")
+    else:
+        assert made.get("captured") != "estimate" and made["proxy"] == "splats"
 
 
 def test_a_lamp_lights_a_capture_as_brightly_as_it_was_captured() -> None:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,15 +18,14 @@ from scenegen.truth import Truth
 
 from mirelight import cli
 from mirelight.io import splats
-from mirelight.io.cameras.transforms import lens_entry, matrix_entry
-from mirelight.model import Camera, Lighting, SunLight
+from mirelight.model import Camera
 
 F32 = NDArray[np.float32]
 
 PICTURES, APART = 54, 6  # trained on; looked at afterwards alone
 SHOOTING = training.Shooting(size=(480, 320), spp=16, sky=True, iterations=1000, most=55_000, points=36_000)
-SPLATS, CAMERAS, JOB, ESTIMATE = "splats.spz", "transforms.json", "job.toml", "captured.toml"
-PHOTOGRAPHS, QUALITY = "pictures", 80  # WebP: 33 dB, as much as splats show of them at most
+SPLATS, ESTIMATE = "splats.spz", "captured.toml"
+PHOTOGRAPHED, QUALITY = "pictures/{:02}.webp", 80  # WebP: 33 dB, as much as splats show of them at most
 EYE, TARGET, YFOV = (0.9, 1.8, 1.7), (0.0, 0.55, 0.0), 46.0  # of the job's camera, which took none of the pictures
 FRONT = Camera.look_at(EYE, TARGET, 640, 360, yfov=YFOV, name="front")
 NAMES = {"low sun": "evening"}  # as files have them
@@ -84,26 +82,16 @@ def make(folder: Path, kept: Path, say: Callable[[str], None]) -> None:
     cloud = training.cloud_of(np.load(trained))
     splats.write(cloud, folder / SPLATS)
     say(f"{len(cloud)} splats")
-    write_cameras(made_of.orbit, folder)
-    (folder / PHOTOGRAPHS).mkdir(exist_ok=True)
+    writing.write_cameras(made_of.orbit, folder, PHOTOGRAPHED)
+    (folder / PHOTOGRAPHED).parent.mkdir(exist_ok=True)
     for i, picture in enumerate(taken):
         image = Image.fromarray((picture * 255 + 0.5).astype(np.uint8))
-        image.save(folder / PHOTOGRAPHS / f"{i:02}.webp", quality=QUALITY)
+        image.save(folder / PHOTOGRAPHED.format(i), quality=QUALITY)
     for lighting in made_of.lightings:
         writing.write_lighting(lighting, folder)
-    (folder / JOB).write_text(job_text(made_of, 'captured = "estimate"\n'), encoding="utf-8")
+    (folder / writing.JOB).write_text(job_text(made_of, 'captured = "estimate"\n'), encoding="utf-8")
     estimate(folder)
     say("its light is found")
-
-
-def write_cameras(cameras: Sequence[Camera], folder: Path) -> None:
-    """Those of the capture's pictures, in the splats' own axes."""
-    frames = []
-    for i, camera in enumerate(cameras):
-        pose = [[round(x, 9) + 0.0 for x in row] for row in matrix_entry(camera, np.eye(4))]
-        lens = {k: round(x, 6) if isinstance(x, float) else x for k, x in lens_entry(camera).items()}
-        frames.append(json.dumps({"file_path": f"{PHOTOGRAPHS}/{i:02}.webp", **lens, "transform_matrix": pose}))
-    (folder / CAMERAS).write_text('{"frames": [\n' + ",\n".join(frames) + "\n]}\n", encoding="utf-8")
 
 
 def job_text(made_of: Recipe, captured: str) -> str:
@@ -120,45 +108,27 @@ def job_text(made_of: Recipe, captured: str) -> str:
         "# and the cameras that took them. No mesh comes with it: the first command makes one from the splats, in",
         "# three minutes of CPU time, and keeps it for all others.",
         f'splats = "{SPLATS}"',
-        f'proxy = {{ path = "splats", cameras = "{CAMERAS}", albedo = "splats" }}',
+        f'proxy = {{ path = "splats", cameras = "{writing.CAMERAS}", albedo = "splats" }}',
         "resolution = [640, 360]",
     ]
     lines += [] if table else [captured.strip()]
-    lines += ["", "[[cameras]]", f'name = "{FRONT.name}"', f"position = {_numbers(EYE)}"]
-    lines += [f"target = {_numbers(TARGET)}", f"yfov = {YFOV:g}"]
+    lines += ["", "[[cameras]]", f'name = "{FRONT.name}"', f"position = {writing.numbers(EYE)}"]
+    lines += [f"target = {writing.numbers(TARGET)}", f"yfov = {YFOV:g}", ""]
     for lighting in made_of.lightings:
-        lines += ["", *_lighting_lines(lighting)]
-    lines += ["", "[render]", f"spp = {made_of.spp}"]
+        lines += writing.lighting_lines(lighting, "[[lightings]]", "[[lightings.lights]]")
+    lines += ["[render]", f"spp = {made_of.spp}"]
     lines += ["", "[output]", f'directory = "../../out/{made_of.name}"', "half = true"]
     lines += ["", captured.strip()] if table else []
     return "\n".join(lines) + "\n"
 
 
-def _lighting_lines(lighting: Lighting) -> list[str]:
-    lines = ["[[lightings]]", f'name = "{lighting.name}"']
-    if any(not isinstance(light, SunLight) for light in lighting.lights):
-        lines.append(f'lights_from = "{lighting.name}.glb"')
-    if lighting.environment is not None:
-        lines.append(f'environment = {{ path = "{lighting.name}.hdr" }}')
-    for sun in lighting.lights:
-        if isinstance(sun, SunLight):
-            lines += ["", "[[lightings.lights]]", 'type = "sun"', f'name = "{sun.name}"']
-            lines += [f"direction = {_numbers(sun.direction)}", f"color = {_numbers(sun.color)}"]
-            lines += [f"intensity = {sun.intensity:g} # lux", f"angular_diameter = {sun.angular_diameter:g} # degrees"]
-    return lines
-
-
-def _numbers(values: object) -> str:
-    return "[" + ", ".join(f"{float(v):.6g}" for v in np.asarray(values)) + "]"
-
-
 def estimate(folder: Path) -> None:
     """Find the captured light as a person does, and paste it into the job."""
     found = folder / ESTIMATE
-    if cli.main(["estimate", str(folder / JOB), "-o", str(found)]) != 0:
+    if cli.main(["estimate", str(folder / writing.JOB), "-o", str(found)]) != 0:
         raise RuntimeError("the estimate failed; its line is above")
-    typed = f"mirelight estimate scenes/{folder.name}/{JOB} -o {ESTIMATE}"
+    typed = f"mirelight estimate scenes/{folder.name}/{writing.JOB} -o {ESTIMATE}"
     said = f'# Found by `{typed}` when this file said captured = "estimate":\n'
-    (folder / JOB).write_text(job_text(recipe(), said + found.read_text(encoding="utf-8")), encoding="utf-8")
+    (folder / writing.JOB).write_text(job_text(recipe(), said + found.read_text(encoding="utf-8")), encoding="utf-8")
     for left in (found, found.with_suffix(".png")):
         left.unlink()

@@ -24,13 +24,14 @@ def write_splats(cloud: SplatCloud, folder: Path) -> None:
     splat_files.write(cloud, folder / SPLATS)
 
 
-def write_cameras(cameras: Sequence[Camera], folder: Path) -> None:
-    """Those of the capture's photographs, in the splats' own axes; the photographs themselves are not kept."""
+def write_cameras(cameras: Sequence[Camera], folder: Path, photographs: str = "{:02}.png") -> None:
+    """Those of the capture's photographs, in the splats' own axes, with the paths of these by their count, whether they
+    are kept or not."""
     frames = []
     for i, camera in enumerate(cameras):
         pose = [[round(x, 9) + 0.0 for x in row] for row in matrix_entry(camera, np.eye(4))]
         lens = {k: round(x, 6) if isinstance(x, float) else x for k, x in lens_entry(camera).items()}
-        frames.append(json.dumps({"file_path": f"{i:02}.png", **lens, "transform_matrix": pose}))
+        frames.append(json.dumps({"file_path": photographs.format(i), **lens, "transform_matrix": pose}))
     (folder / CAMERAS).write_text('{"frames": [\n' + ",\n".join(frames) + "\n]}\n", encoding="utf-8")
 
 
@@ -52,11 +53,13 @@ def _write_hdr(environment: Environment, path: Path) -> None:
     mitsuba().Bitmap(np.array(environment.pixels)).write(str(path))
 
 
-def _numbers(values: object) -> str:
+def numbers(values: object) -> str:
+    """A list of TOML."""
     return "[" + ", ".join(f"{float(v):.6g}" for v in np.asarray(values)) + "]"
 
 
-def _lighting_lines(lighting: Lighting, header: str, lights_header: str) -> list[str]:
+def lighting_lines(lighting: Lighting, header: str, lights_header: str) -> list[str]:
+    """TOML of a lighting, a blank line last; its sky and lamps are in files of its name, suns stand here."""
     lines = [header]
     if not header.startswith("[captured"):
         lines.append(f'name = "{lighting.name}"')
@@ -71,8 +74,8 @@ def _lighting_lines(lighting: Lighting, header: str, lights_header: str) -> list
                 lights_header,
                 'type = "sun"',
                 f'name = "{light.name}"',
-                f"direction = {_numbers(light.direction)}",
-                f"color = {_numbers(light.color)}",
+                f"direction = {numbers(light.direction)}",
+                f"color = {numbers(light.color)}",
                 f"intensity = {light.intensity:g} # lux",
                 f"angular_diameter = {light.angular_diameter:g} # degrees",
             ]
@@ -91,9 +94,9 @@ def write_job(recipe: Recipe, folder: Path) -> None:
         "resolution = [640, 360]",
         "",
     ]
-    lines += _lighting_lines(recipe.captured, "[captured]", "[[captured.lights]]")
+    lines += lighting_lines(recipe.captured, "[captured]", "[[captured.lights]]")
     for lighting in recipe.lightings:
-        lines += _lighting_lines(lighting, "[[lightings]]", "[[lightings.lights]]")
+        lines += lighting_lines(lighting, "[[lightings]]", "[[lightings.lights]]")
     lines += [
         "[render]",
         f"spp = {recipe.spp}",

@@ -184,11 +184,12 @@ def footprint(cameras: Sequence[Camera], points: F32) -> float:
     return float(np.median(sides)) if sides else 0.0
 
 
-def points_of(view: DepthMap, step: int = 1) -> tuple[F64, F64]:
-    """(N, 3) points of the surface that a view sees, every `step`-th pixel both ways, and their normals."""
+def points_of(view: DepthMap, step: int = 1) -> tuple[F64, F64, F32]:
+    """(N, 3) points of the surface that a view sees, every `step`-th pixel both ways, their normals (N, 3), and trust
+    (N,)."""
     depth = view.depth[::step, ::step]
     seen = depth > 0
     origins, directions = rays(view.camera)
     starts = np.broadcast_to(origins, directions.shape)[::step, ::step][seen]
     points = starts + directions[::step, ::step][seen] * depth[seen][:, None]
-    return points, view.normal[::step, ::step][seen].astype(np.float64)
+    return points, view.normal[::step, ::step][seen].astype(np.float64), view.trust[::step, ::step][seen]

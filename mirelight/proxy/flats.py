@@ -34,11 +34,10 @@ class Points:
         """What views see within the radius, one point a voxel."""
         at, normal, weight = [], [], []
         for view in views:
-            here, facing = points_of(view, TUNING.flat_step)
-            seen = view.depth[:: TUNING.flat_step, :: TUNING.flat_step] > 0
+            here, facing, trust = points_of(view, TUNING.flat_step)
             at.append(here)
             normal.append(facing)
-            weight.append(view.trust[:: TUNING.flat_step, :: TUNING.flat_step][seen].astype(np.float64) + 1e-3)
+            weight.append(trust.astype(np.float64) + 1e-3)
         points, normals, weights = np.concatenate(at), np.concatenate(normal), np.concatenate(weight)
         near = (points * points).sum(axis=1) < radius * radius
         points, normals, weights = points[near], normals[near], weights[near]
@@ -72,12 +71,16 @@ class Flat:
     there: Bool  # (I, J)
     lift: F64 | None = None  # (I, J) how far the surface lies before the plane, along its normal; None: nowhere
 
-    def inside(self, points: F64) -> Bool:
-        """(...,) whether points (..., 3) lie over such cells."""
+    def cells(self, points: F64) -> tuple[Int, Bool]:
+        """(..., 2) the cells that points (..., 3) lie over, and (...,) whether they are among these; else the first."""
         i = np.floor(np.einsum("...i,ki->...k", points, self.axes) / self.cell)
         i = np.where(np.isfinite(i), i, -1e9).astype(np.int64) - self.low
         inner = np.asarray(((i >= 0) & (i < self.there.shape)).all(axis=-1))
-        i = np.where(inner[..., None], i, 0)
+        return np.where(inner[..., None], i, 0), inner
+
+    def inside(self, points: F64) -> Bool:
+        """(...,) whether points (..., 3) lie over cells where the surface is."""
+        i, inner = self.cells(points)
         return np.asarray(inner & self.there[i[..., 0], i[..., 1]])
 
     @property

@@ -70,7 +70,7 @@ def _near_surface(views: Sequence[DepthMap], low: F64, cell: float, shape: tuple
 
     marked = np.zeros(shape, np.uint8)
     for view in views:
-        points, _ = points_of(view)
+        points, _, _ = points_of(view)
         i = np.rint((points - low) / cell).astype(np.int64)
         i = i[((i >= 0) & (i < shape)).all(axis=1)]
         marked[i[:, 0], i[:, 1], i[:, 2]] = 1
@@ -121,7 +121,7 @@ class _Planes:
 def _one_sided(views: Sequence[DepthMap], cell: float, inside: bool) -> list[DepthMap]:
     """The maps without pixels that see the far side of a sheet thinner than `cell`."""
     found = [points_of(view) for view in views]
-    points, normals = np.concatenate([p for p, _ in found]), np.concatenate([n for _, n in found])
+    points, normals = np.concatenate([p for p, _, _ in found]), np.concatenate([n for _, n, _ in found])
     if not len(points):
         return list(views)
     side = (points * normals).sum(axis=1) < 0  # facing the origin
@@ -130,7 +130,7 @@ def _one_sided(views: Sequence[DepthMap], cell: float, inside: bool) -> list[Dep
     for offset in (0.0, 0.5):  # both sides of a sheet may fall into two voxels of one grid, not of both
         drop |= _both_sides(_voxel(points / cell + offset), side, normals) & (side != kept)
     out, start = [], 0
-    for view, (own, _) in zip(views, found, strict=True):
+    for view, (own, _, _) in zip(views, found, strict=True):
         depth = view.depth.copy()
         seen = np.flatnonzero(depth.ravel() > 0)
         depth.ravel()[seen[drop[start : start + len(own)]]] = 0

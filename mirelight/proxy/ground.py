@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirelight.model import F32, F64
+from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, points_of
-from mirelight.proxy.flats import Flat, turned_to, votes
+from mirelight.proxy.flats import Flat, votes
 from mirelight.proxy.tuning import TUNING
 
 
@@ -42,12 +42,11 @@ def _lift(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:
     shape = ground.there.shape
     total, count = np.zeros(shape), np.zeros(shape)
     for view in views:
-        points, normals, trust = _seen(view)
+        points, normals, trust = points_of(view, TUNING.ground_step)
         off = ground.off(points)
         sure = (trust > TUNING.ground_sure) & (np.abs(off) < TUNING.ground_near * tolerance)
         sure &= np.abs(np.einsum("ni,i->n", normals, ground.normal)) > TUNING.ground_facing
-        i = np.floor(turned_to(points[sure], ground.axes) / ground.cell).astype(np.int64) - ground.low
-        inside = ((i >= 0) & (i < shape)).all(axis=1)
+        i, inside = ground.cells(points[sure])
         np.add.at(total, tuple(i[inside].T), off[sure][inside])
         np.add.at(count, tuple(i[inside].T), 1)
     weight = np.minimum(count, TUNING.ground_most)
@@ -60,13 +59,6 @@ def _lift(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:
     return np.asarray(np.sign(lift) * np.minimum(high, 2 * np.maximum(high - TUNING.ground_even * tolerance, 0)))
 
 
-def _seen(view: DepthMap) -> tuple[F64, F64, F32]:
-    """Some of a map's points (N, 3), their normals (N, 3) and trust (N,)."""
-    points, normals = points_of(view, TUNING.ground_step)
-    every = slice(None, None, TUNING.ground_step)
-    return points, normals, view.trust[every, every][view.depth[every, every] > 0]
-
-
 def _is_ground(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> bool:
     """Whether all cameras are on one side of a plane, and all that is seen as well."""
     eyes = flat.off(np.stack([view.camera.position for view in views]))
@@ -75,7 +67,7 @@ def _is_ground(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> bool:
         return False
     behind = total = 0.0
     for view in views:
-        points, _, trust = _seen(view)
+        points, _, trust = points_of(view, TUNING.ground_step)
         behind += float(trust[front * flat.off(points) < -TUNING.ground_below * tolerance].sum())
         total += float(trust.sum())
     return behind < TUNING.ground_behind * total

@@ -17,6 +17,7 @@ from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.io.gltf.scene import read_scene
 from mirelight.io.ldr import decode_srgb_image
+from mirelight.io.mesh_counts import check_counts
 from mirelight.io.obj import obj_companions, read_obj
 from mirelight.io.safety import contained, existing, open_binary, read_whole, require_memory
 from mirelight.io.suffixes import GLTF, MESHES, USD
@@ -147,6 +148,7 @@ def _read_with_trimesh(path: Path, suffix: str, textures: bool) -> ProxyMesh:
     require_memory(path, path.stat().st_size * 4, "its triangles")
     if suffix == ".ply" and any(mark in _ply_header(path) for mark in _SPLAT_MARKS):
         raise InputError(path, "Gaussian splats, not a mesh", "name it under splats and give a mesh as proxy")
+    check_counts(path, suffix)
     try:
         with open_binary(path) as stream, np.errstate(all="ignore"):
             if suffix == ".ply":

@@ -1,19 +1,21 @@
 """Objects in a capture beside path-traced truth: the courtyard with a gray vase, a plastic ring and a chrome ball.
 
     python scripts/bench objects [--spp 64] [--width 320] [--truth-spp 128] [--cache FOLDER] [--pictures FOLDER]
+                                 [--ways 'own proxy*'] [--light day]
 
 Truth is Mitsuba's `path` on the textured scene with the objects in it, their look by glTF's formulas written anew. What
 is multiplied is the true captured picture, so that the splats' own error is not in it; colours of the proxy are told
-by true pictures from the capture's cameras. PSNR is of display values, with the truth's noise taken out. One way has
-nothing but splats and those pictures: its proxy is made of them, and its captured light found.
+by true pictures from the capture's cameras. PSNR is of display values, with the truth's noise taken out. Two ways have
+nothing but splats and those pictures: their proxy is made of them, and the captured light of one is found.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,7 +27,7 @@ from scenegen.geometry import Soup, soups
 from scenegen.truth import Looks, Truth
 from scipy import ndimage
 
-from bench.common import Table, table, truth_options
+from bench.common import Table, least, table, truth_options
 from bench.objects_truth import Thing, bsdf, surface, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
@@ -47,6 +49,7 @@ from mirelight.model import (
 from mirelight.pipeline import stages
 from mirelight.pipeline.artefact_cache import NullCache
 from mirelight.pipeline.codecs import Codec
+from mirelight.pipeline.inserted import SceneWithObjects
 from mirelight.proxy.capture_views import capture_views
 
 T = TypeVar("T")
@@ -135,60 +138,87 @@ class Yard:
         return replace(self._job, proxy=Deferred.of(surface(self._looks)), albedo_from_splats=False)
 
     @cached_property
-    def _found_job(self) -> Job:
-        """The job of who has splats and pictures alone: the proxy is made of them, and the captured light found."""
-        job, cameras, pictures = self._job, self._job.capture_cameras, self._job.capture_pictures
+    def _own_job(self) -> Job:
+        """The job of who has splats and pictures alone, and knows the captured light: the proxy is made of them."""
+        job, cameras = self._job, self._job.capture_cameras
         assert job.splats is not None
-        splats, of = job.splats.value, f"{self.camera.width > 64}"  # pictures of one size, or the quick run's
+        splats = job.splats.value
 
         def mesh() -> ProxyMesh:
             return proxy.make(splats, cameras=cameras).mesh
 
-        own = self._store.mesh(f"objects.own.{of}", "own proxies", mesh)
-        views = capture_views(splats, cameras, pictures)
+        return replace(job, proxy=Deferred.of(self._store.mesh(f"objects.own.{self._taken}", "own proxies", mesh)))
+
+    @cached_property
+    def _found_job(self) -> Job:
+        """The same where the captured light is found, too."""
+        job = self._own_job
+        assert job.splats is not None and job.proxy is not None
+        splats, own = job.splats.value, job.proxy.value
+        views = capture_views(splats, job.capture_cameras, job.capture_pictures)
 
         def pack() -> F32:
             return estimate.estimate(splats, own, RenderSettings(), views=views).packed().astype(np.float32)
 
-        packed = self._store.array(f"objects.light.{of}", "light estimated", pack, "light", (splats, own, views))
+        name = f"objects.light.{self._taken}"
+        packed = self._store.array(name, "light estimated", pack, "light", (splats, own, views))
         light = replace(estimate.lighting_of(packed.astype(np.float64)), name=self.recipe.captured.name)
-        return replace(job, proxy=Deferred.of(own), captured=light)
+        return replace(job, captured=light)
+
+    @property
+    def _taken(self) -> str:
+        """Of which pictures: those of one size, or the quick run's."""
+        return f"{self.camera.width > 64}"
 
     def made(self, lighting: Lighting, *, whole: bool, job: Job | None = None) -> tuple[F32, LightingBuffer]:
         """(factor (H, W, 3), new light) of a lighting, with objects or without; `job`: the shipped proxy's, or
         another's, whose captured light is the one that stays."""
-        job = job or self._job
-        stays = lighting is self.recipe.captured
-        new = job.captured if stays and job.captured is not None else lighting
-        job = replace(
-            job,
-            objects=tuple(_inserted(x, s) for x, s in self._soups) if whole else (),
-            # it follows the splats' own blur, which the true captured picture that is multiplied has none of
-            lightings=(replace(new, relight=replace(job.relight, repair=False)),),
-        )
+        job = self._as(job or self._job, lighting, whole=whole)
         scene = prepare(job, self._kept)
         lit = stages.light(scene, self.camera, job.lightings[0])
         frame = stages.relight(scene, stages.composite(scene, self.camera), lit)
         assert frame.factor is not None
         return frame.factor, lit.new
 
-    def scores(self, lighting: Lighting, pictures: Path | None) -> Iterator[tuple[list[str], list[str]]]:
-        """Each way to put the objects in: a row of its dB, and one of its levels."""
+    def _as(self, job: Job, lighting: Lighting, *, whole: bool) -> Job:
+        """A job in that light, with objects or without."""
+        stays = lighting is self.recipe.captured
+        new = job.captured if stays and job.captured is not None else lighting
+        # repair follows the splats' own blur, which the true captured picture that is multiplied has none of
+        lit = replace(new, relight=replace(job.relight, repair=False))
+        objects = tuple(_inserted(x, s) for x, s in self._soups) if whole else ()
+        return replace(job, objects=objects, lightings=(lit,))
+
+    def ways(self, lighting: Lighting) -> dict[str, Callable[[], tuple[F32, LightingBuffer]]]:
+        """By name, ways to put the objects in: makers of (factor (H, W, 3), new light)."""
+
+        def on(job: Callable[[], Job]) -> Callable[[], tuple[F32, LightingBuffer]]:
+            return lambda: self.made(lighting, whole=True, job=job())
+
+        def pasted(shadow: bool) -> tuple[F32, LightingBuffer]:
+            (plain, bare), (_, new) = self.made(lighting, whole=False), self.made(lighting, whole=True)
+            return plain * _sun_left(bare, new) if shadow else plain, new
+
+        return {
+            "pasted": lambda: pasted(shadow=False),
+            "with the sun's shadow": lambda: pasted(shadow=True),
+            "mirelight": on(lambda: self._job),
+            "on the true surface": on(lambda: self._true_job),
+            "own proxy, light known": on(lambda: self._own_job),
+            "own proxy, light estimated": on(lambda: self._found_job),
+        }
+
+    def scores(self, lighting: Lighting, chosen: str, pictures: Path | None) -> Iterator[tuple[list[str], list[str]]]:
+        """Of each way whose name is of the pattern `chosen` a row of its dB, and one of its levels."""
         truth = self.pictures(lighting)
         before = self.pictures(self.recipe.captured).bare
-        (plain, bare), (whole, new) = self.made(lighting, whole=False), self.made(lighting, whole=True)
-        assert new.objects is not None
-        zones = self._zones(truth, new.objects)
-        on_true, of_true = self.made(lighting, whole=True, job=self._true_job)
-        found, of_found = self.made(lighting, whole=True, job=self._found_job)
-        ways = {
-            "pasted": (plain, new),
-            "with the sun's shadow": (plain * _sun_left(bare, new), new),
-            "mirelight": (whole, new),
-            "on the true surface": (on_true, of_true),
-            "own proxy, light estimated": (found, of_found),
-        }
-        for way, (factor, light) in ways.items():
+        objects = self.made(lighting, whole=True)[1].objects
+        assert objects is not None
+        zones = self._zones(truth, objects)
+        for way, make in self.ways(lighting).items():
+            if not fnmatchcase(way, chosen):
+                continue
+            factor, light = make()
             assert light.objects is not None
             first, second = (_over(x, factor, light.objects) for x in before)
             error = squared_error((first, second), truth.full)
@@ -203,6 +233,18 @@ class Yard:
                 side = np.concatenate([shown(mean), shown(true)], axis=1)
                 name = f"{lighting.name} {way}.png".replace(" ", "-")
                 Image.fromarray(np.rint(255 * side).astype(np.uint8)).save(pictures / name)
+
+    def costs(self, lighting: Lighting) -> Iterator[tuple[str, str, str]]:
+        """CPU time of a trace with the objects over that of one without, and how much of the picture shows them."""
+
+        scene = prepare(self._as(self._job, lighting, whole=True), self._kept)
+        new = scene.job.lightings[0]
+        tracers = scene.tracer, SceneWithObjects(scene, scene.job.objects).tracer
+        bare, full = (least(lambda x=x: x.trace(new, self.camera), 3) for x in tracers)
+        light = tracers[1].trace(new, self.camera)
+        assert light.objects is not None
+        yield lighting.name, "CPU time with three objects / without", f"{full / bare:.2f}"
+        yield lighting.name, "share of pixels that show them", f"{(light.objects.coverage > 0).mean():.3f}"
 
     def bounced(self, lighting: Lighting) -> Iterator[tuple[str, str, str]]:
         """Of each object, what share of its light the proxy has reflected; of the ground, how bright its albedo is."""
@@ -312,16 +354,28 @@ def _sun_left(bare: LightingBuffer, new: LightingBuffer) -> F32:
 def options(parser: argparse.ArgumentParser) -> None:
     """The part's own."""
     truth_options(parser, 320, ROOT / "out" / "bench_truth")
+    parser.add_argument(
+        "--ways", default="*", help="pattern of the rows wanted, as 'own proxy*'; other tables if all are"
+    )
+    parser.add_argument("--light", default="*", help="pattern of lightings, as 'day'")
 
 
 def run(chosen: argparse.Namespace) -> list[Table]:
     """The tables."""
     width, truth_spp, spp = (64, 4, 4) if chosen.quick else (chosen.width, chosen.truth_spp, chosen.spp)
     yard = Yard((width, width * 9 // 16), truth_spp, spp, Store(chosen.cache))
-    found = [row for lighting in yard.lightings for row in yard.scores(lighting, chosen.pictures)]
+    lightings = [x for x in yard.lightings if fnmatchcase(x.name, chosen.light)]
+    found = [row for lighting in lightings for row in yard.scores(lighting, chosen.ways, chosen.pictures)]
     columns = ("light", "objects", *ZONES, *(x.name for x in yard.things))
-    return [
+    tables = [
         table("Objects in a capture", columns, [x for x, _ in found]),
         table("Their level, truth = 1", columns, [x for _, x in found]),
-        table("What their light comes from", ("light", "", ""), yard.bounced(yard.lightings[0])),
+    ]
+    if (chosen.ways, chosen.light) != ("*", "*"):
+        return tables
+    day = yard.lightings[0]
+    return [
+        *tables,
+        table("What their light comes from", ("light", "", ""), yard.bounced(day)),
+        table("What they cost", ("light", "", ""), [row for x in yard.lightings for row in yard.costs(x)]),
     ]

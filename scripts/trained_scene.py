@@ -114,6 +114,7 @@ def job_text(made_of: Recipe, captured: str) -> str:
     lines += [] if table else [captured.strip()]
     lines += ["", "[[cameras]]", f'name = "{FRONT.name}"', f"position = {writing.numbers(EYE)}"]
     lines += [f"target = {writing.numbers(TARGET)}", f"yfov = {YFOV:g}", ""]
+    lines += ["[relight]", 'background = "environment" # what is seen past the mesh', ""]
     for lighting in made_of.lightings:
         lines += writing.lighting_lines(lighting, "[[lightings]]", "[[lightings.lights]]")
     lines += ["[render]", f"spp = {made_of.spp}"]

@@ -14,7 +14,7 @@ from mirelight.io.environment import read_environment
 from mirelight.model import F32, F64, ParallelLight, SunLight
 from mirelight.pipeline.captured_sun import one_distant
 from mirelight.pipeline.codecs import ARRAY
-from mirelight.relighting import backdrop
+from mirelight.relighting import backdrop, far_map
 from mirelight.relighting.surroundings import Map, Sun, Surroundings
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
@@ -32,6 +32,7 @@ class FarLight:
 
     def __init__(self, folder: Path, index: Index, kept: Artefacts, remedy: str) -> None:
         self._folder, self._index, self._kept, self._remedy = folder, index, kept, remedy
+        self._far_maps: dict[int, F32] = {}  # by unit light
 
     def array(self, key: str) -> F32:
         """A map (h, w, 3), suns (n, 7) or a level (1,), as it was kept. Raises InputError."""
@@ -91,6 +92,21 @@ class FarLight:
                 if ground is not None:
                     maps.append(backdrop.ground_under(tuple(scaled), ground))
         return Surroundings(tuple(maps), tuple(suns)) if maps or suns else None
+
+    def far_map(self, weights: F32) -> F32:
+        """What unit lights of these weights (L, 3) have far away, for splats there (`mirelight.relighting.far`).
+
+        Raises:
+            InputError: a map was not kept.
+        """
+        out = far_map(None)
+        for place in np.flatnonzero(weights.any(axis=1)):
+            unit = self._far_maps.get(place)
+            if unit is None:
+                unit = far_map(self.of(Weighted("", (), (int(place),), ((1.0, 1.0, 1.0),))))
+                self._far_maps[place] = unit
+            out += weights[place] * unit
+        return out
 
     def behind(self, view: KeptView, lighting: Weighted, alpha: F32) -> F32 | None:
         """(H, W, 3) linear light behind a frame of that alpha (H, W), as its job shows it; None: a plain colour."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mirelight import relighting
 from mirelight.base.errors import InputError
 from mirelight.dataset.far_light import FarLight
-from mirelight.dataset.planes import Planes, ReadyView, SeenObjects, planar
+from mirelight.dataset.planes import MixedView, Planes, ReadyView, SeenObjects, planar
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, RelightSettings, SplatLayer
 from mirelight.pipeline.captured_sun import strongest, sun_of
 from mirelight.pipeline.codecs import ARRAY, composite_of, light_of
@@ -66,12 +66,7 @@ class Layers:
         planes = self._planes(lights, buffers, glow, every)
         splats, size = self.splats(view, view.composite), (seen.height, seen.width)
         first = buffers[index.arrangements[arrangement].first]
-        objects: SeenObjects | None = None
-        if first.objects is not None:
-            where = np.flatnonzero(first.objects.coverage)
-            theirs = {i: x.objects for i, x in buffers.items()}
-            own = self._planes(lights, theirs, None if glow is None else glow.objects, where)
-            objects = SeenObjects(where, first.objects.coverage, own)
+        objects = self._objects(lights, buffers, glow, first)
         old_weights = None if index.captured is None else self.weights(index.captured)[lights]
         mirrored, lobes = self._mirrored(view, lights, needed, old_weights)
         captured: LightingBuffer | None = None
@@ -86,28 +81,49 @@ class Layers:
         surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
 
         @cache
-        def compared(repair: bool) -> relighting.Lit | None:
-            if captured is None or splats is None or not repair:
-                return None if captured is None else relighting.Lit.of(captured)
+        def compared(repair: bool, far: bool) -> relighting.Lit | None:
+            if captured is None:
+                return None
+            around = self._far.far_map(self.weights(index.captured)) if far and index.captured is not None else None
+            if splats is None or not repair:
+                return relighting.Lit.of(captured, around)
             shown = relighting.repaired(captured, self._captured_sun(buffers), relighting.unlit_rgba(splats))
-            return relighting.Lit.of(shown)
+            return relighting.Lit.of(shown, around)
 
         front = self.splats(view, sight.front)
 
         @lru_cache(_MOST_RELIGHTS)
         def relighter(settings: RelightSettings) -> relighting.Relighter:
-            known, old = None if level is None else float(level[0]), compared(relighting.repairs(settings))
+            known = None if level is None else float(level[0])
+            old = compared(relighting.repairs(settings), settings.follows_sky)
             shine = lobes if relighting.adds_lobes(settings) else None
             return relighting.relighter(
                 splats, surface, settings, captured=old, captured_level=known, front=front, lobes=shine
             )
 
-        def relit(beauty: F32, seen: F32 | None, shine: F32 | None, settings: RelightSettings | None) -> F32:
-            return relighter(settings or index.relight)(beauty, seen, shine)
+        def relit(mixed: MixedView, weights: F32, own: RelightSettings | None) -> F32:
+            settings = own or index.relight
+            far = self._far.far_map(weights) if settings.follows_sky else None
+            return relighter(settings)(mixed.beauty, mixed.objects, mixed.mirrored, far)
 
         alone, cover = self._bare(view, lights, needed, bare)
         shadowed = partial(_shadow, surface, cover, (view.camera.height, view.camera.width))
         return ReadyView(lights, planes, objects, mirrored, alone, size, relit, shadowed)
+
+    def _objects(
+        self,
+        lights: NDArray[np.intp],
+        buffers: Mapping[int, LightingBuffer],
+        glow: LightingBuffer | None,
+        first: LightingBuffer,
+    ) -> SeenObjects | None:
+        """What of inserted objects is seen, `first` a buffer that shows them; None where there are none."""
+        if first.objects is None:
+            return None
+        where = np.flatnonzero(first.objects.coverage)
+        theirs = {i: x.objects for i, x in buffers.items()}
+        own = self._planes(lights, theirs, None if glow is None else glow.objects, where)
+        return SeenObjects(where, first.objects.coverage, own)
 
     def _mirrored(
         self, view: KeptView, lights: NDArray[np.intp], groups: set[int], captured: F32 | None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,14 @@ class SeenObjects:
         return out
 
 
+class MixedView(NamedTuple):
+    """What a view sees under one lighting."""
+
+    beauty: F32  # (h, w, 3) of the proxy, premultiplied by coverage
+    objects: F32 | None  # (h, w, 4) inserted ones, premultiplied
+    mirrored: F32 | None  # (h, w, 3) by the proxy's materials
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ReadyView:
     """What is ready of a camera, with objects in one arrangement."""
@@ -66,17 +74,18 @@ class ReadyView:
     mirrored: Planes | None  # what the proxy's materials mirror of the lights
     bare: Planes | None  # light without objects
     size: tuple[int, int]  # h, w
-    relit: Callable[[F32, F32 | None, F32 | None, RelightSettings | None], F32]
+    relit: Callable[[MixedView, F32, RelightSettings | None], F32]  # the second: (L, 3) weights of all unit lights
     shadowed: Callable[[F32, F32], F32]
 
     def frame(self, weights: F32, relight: RelightSettings | None = None) -> F32:
         """(H, W, 4) under the data set's lights of these weights (L, 3); `relight`: None: as the job says."""
-        weights = weights[self.lights]
+        own = weights[self.lights]
         beauty, mirrored = (
-            None if x is None else x.mixed(weights).reshape(*self.size, 3) for x in (self.planes, self.mirrored)
+            None if x is None else x.mixed(own).reshape(*self.size, 3) for x in (self.planes, self.mirrored)
         )
         assert beauty is not None
-        return self.relit(beauty, None if self.objects is None else self.objects.rgba(weights), mirrored, relight)
+        objects = None if self.objects is None else self.objects.rgba(own)
+        return self.relit(MixedView(beauty, objects, mirrored), weights, relight)
 
     def shadow(self, weights: F32) -> F32 | None:
         """(H, W, 3) light beside objects over the same without them; None: it was not asked for."""

@@ -65,6 +65,8 @@ def _value(hint: Any, value: Any) -> Any:
         if value is None and NoneType in args:
             return None
         kinds = [x for x in args if x is not NoneType]
+        if any(get_origin(x) is Literal for x in kinds):  # a number, or a word in its place
+            kinds = [x for x in kinds if _fits(x, get_origin(x), get_args(x), value)][:1] or kinds[:1]
         named = kinds[0] if len(kinds) == 1 else {x.__name__: x for x in kinds}[value["type"]]
         return _value(named, value)
     if is_dataclass(hint):

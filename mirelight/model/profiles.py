@@ -20,6 +20,7 @@ COMPARING: frozenset[RelightMode] = frozenset({"ratio", "albedo"})  # must know 
 COLOURING: frozenset[RelightMode] = frozenset({"albedo"})  # splats colour the proxy unless the job says else
 BRIGHTEST = 0.95  # albedo: no surface reflects more, fresh snow as much
 Per: TypeAlias = Literal["pixel", "splat"]  # what light is found for
+FarFactor: TypeAlias = float | Literal["environment"]  # of splats beyond the proxy: one number, or as their sky changes
 Gloss: TypeAlias = Literal["keep", "fade", "remove"]  # what becomes of colour that changes with the view
 Space: TypeAlias = Literal["linear", "display"]
 

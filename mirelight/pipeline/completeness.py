@@ -39,6 +39,8 @@ def check(job: Job) -> None:
         _check_gloss(job)
     if job.masks:
         _check_masks(job, bool(kept_apart))
+    if any(x.follows_sky for x in _relights(job)):
+        _check_background(job)
     if job.lightings and job.proxy is None:
         raise InputError(job.source, "lights but no proxy mesh for them to fall on", 'add the line proxy = "splats"')
     if job.lightings and job.splats is not None and requirements.compares(job) and job.captured is None:
@@ -78,6 +80,29 @@ def _check_gloss(job: Job) -> None:
     for is_so, found, remedy in wrong:
         if is_so:
             raise InputError(job.source, f"gloss and {found}", remedy, field="relight.gloss")
+
+
+def _check_background(job: Job) -> None:
+    """Raises InputError, in one line, where splats of the sky are to follow light that is not known."""
+    asking = [x for x in _relights(job) if x.follows_sky]
+    captured, number = job.captured, "give a number"
+    wrong = (
+        (requirements.follows_engine(job), "the profile playcanvas, whose background is one number", number),
+        (
+            not all(relighting.mode_of(x).needs_captured for x in asking),
+            "a mode that does not compare with the captured light",
+            f'{number}, or name captured and set relight.mode to "ratio"',
+        ),
+        (any(_asks_splats(x) for x in asking), "light that is found for splats", f'{number}, or set per to "pixel"'),
+        (
+            captured is not None and captured.environment is None and captured.sky is None,
+            "captured light without an environment",
+            f"{number}, or name what the capture had around it",
+        ),
+    )
+    for is_so, found, remedy in wrong:
+        if is_so:
+            raise InputError(job.source, f'"environment" and {found}', remedy, field="relight.background")
 
 
 def _check_masks(job: Job, kept_apart: bool) -> None:

@@ -21,7 +21,7 @@ from mirelight.model import (
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.pipeline import reads, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache
-from mirelight.pipeline.backdrops import Backdrops
+from mirelight.pipeline.backdrops import Backdrops, FarMaps
 from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
@@ -268,6 +268,16 @@ class Scene(Prepared):
     @cached_property
     def _backdrops(self) -> Backdrops:
         return Backdrops(self.job, self.resolved)
+
+    def far(self, lighting: Lighting) -> relighting.Far | None:
+        """What a lighting and the captured light have far away, for splats there; None where frames do not ask."""
+        captured = requirements.compared_in(self.job, lighting)
+        asks = self.job.relight_of(lighting).follows_sky
+        return self._far_maps.of(lighting, captured) if asks and captured is not None else None
+
+    @cached_property
+    def _far_maps(self) -> FarMaps:
+        return FarMaps(self.resolved)
 
     @cached_property
     def _matte_rays(self) -> Mattes:

@@ -225,6 +225,7 @@ def relit(scene: Scene, splats: SplatLayer | None, lit: Lit | None, *, unfinishe
             settings,
             captured=captured,
             captured_level=scene.captured_level if lit and lit.captured else None,
+            far=scene.far(lit.lighting) if lit else None,
             made_by=made_by,
             noise=requirements.wants_noise(job),
         )

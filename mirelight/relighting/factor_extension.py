@@ -29,6 +29,7 @@ class Continuation:
     """
 
     def __init__(self, seen: Seen) -> None:
+        self.seen = seen
         self._all = bool(seen.all())
         if self._all:
             return
@@ -36,14 +37,16 @@ class Continuation:
         self._known = seen[..., None].astype(np.float32)
         closeness = _closeness(seen)
         self._near = np.flatnonzero((closeness > 0) & ~seen)
+        self._near_at = np.divmod(self._near, self._width)  # rows and columns
         self._share = closeness.reshape(-1)[self._near, None]
         self._counts = [_halved(self._known)]
         while not ((self._counts[-1] > 0).all() or self._counts[-1].size == 1):
             self._counts.append(_halved(self._counts[-1]))
         self._weight = _read(_filled([x > 0 for x in self._counts], self._counts), self._near, self._width)
 
-    def __call__(self, factor: F32, background: float) -> F32:
-        """The factor (H, W, 3), used up, with `background` beyond `FAR` from the proxy."""
+    def __call__(self, factor: F32, background: float | F32) -> F32:
+        """The factor (H, W, 3), used up, with `background` beyond `FAR` from the proxy: a number, or (H, W, 3), or what
+        broadcasts to it."""
         if self._all:
             return factor
         multiply(factor, self._known, factor)
@@ -52,10 +55,11 @@ class Continuation:
             sums.append(_halved(sums[-1]))
         own = [divide(total, count) for total, count in zip(sums, self._counts, strict=True)]
         values = _read(_filled(own, self._counts), self._near, self._width)
-        far = np.float32(background) * (1 - self._known[..., 0])
+        beyond = np.broadcast_to(np.asarray(background, np.float32), factor.shape)
+        unknown = 1 - self._known[..., 0]
         for channel in range(3):
-            factor[..., channel] += far
-        faded = np.float32(background) * (1 - self._share)
+            factor[..., channel] += beyond[..., channel] * unknown
+        faded = beyond[self._near_at] * (1 - self._share)
         factor.reshape(-1, 3)[self._near] = values / self._weight * self._share + faded
         return factor
 

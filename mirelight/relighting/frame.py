@@ -11,6 +11,7 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
+from mirelight.relighting.far import Far
 from mirelight.relighting.lobes import glossed, matt_share
 from mirelight.relighting.mode import Lit, Task
 from mirelight.relighting.modes import gloss_of, mode_of, space_of
@@ -18,7 +19,7 @@ from mirelight.relighting.noise import noise as noise_of
 from mirelight.relighting.pixels import multiply
 from mirelight.relighting.resample import bilinear, upsample
 
-Relighter: TypeAlias = Callable[[F32, F32 | None, F32 | None], F32]
+Relighter: TypeAlias = Callable[[F32, F32 | None, F32 | None, F32 | None], F32]
 
 
 def apply(
@@ -28,6 +29,7 @@ def apply(
     *,
     captured: LightingBuffer | None = None,
     captured_level: float | None = None,
+    far: Far | None = None,
     made_by: Provenance | None = None,
     noise: bool = True,
 ) -> Frame:
@@ -43,6 +45,7 @@ def apply(
             need it.
         captured_level: a constant of the scene from :func:`mirelight.lighting.captured_level`: with it, a point of the
             surface has the same factor in every view. None: the mean of this view's captured light.
+        far: what both lights have far away, where the settings' background is the environment; None: no change there.
         made_by: carried into the frame.
         noise: whether the frame's noise is estimated; that takes longer than the frame.
 
@@ -69,6 +72,8 @@ def apply(
         size = splats.camera.height, splats.camera.width
 
         def factor_of(new: Lit, captured: Lit | None) -> F32:
+            if far is not None and captured is not None:
+                new, captured = replace(new, far=far.new), replace(captured, far=far.captured)
             task = Task(
                 size=size,
                 unlit=unlit,
@@ -76,6 +81,7 @@ def apply(
                 captured=captured,
                 captured_level=captured_level,
                 settings=settings,
+                camera=splats.camera,
             )
             return blended(mode.factor(task), settings.blend)
 
@@ -110,13 +116,14 @@ def relighter(
 ) -> Relighter:
     """What many lightings of one view share, made ready once: a function from the light's beauty (h, w, 3), linear and
     premultiplied by coverage, to the frame's `rgba` (H, W, 4), the very one that :func:`apply` gives. It takes a
-    picture of inserted objects (h, w, 4), too, or None, and what lobes reflect (h, w, 3), or None.
+    picture of inserted objects (h, w, 4), too, or None, what lobes reflect (h, w, 3), or None, and the light's far map,
+    or None.
 
     Args:
         splats: the composite; None: the lit proxy itself.
         surface: coverage and albedo of the lit proxy; its beauty is not read.
         settings: as for :func:`apply`.
-        captured: as for :func:`apply`.
+        captured: as for :func:`apply`, with its far map where the settings' background is the environment.
         captured_level: as for :func:`apply`.
         front: the splats in front of inserted objects; None where there are no objects, or no splats.
         lobes: of the proxy's materials, whose beauty is not read, and the same with that of the captured light.
@@ -132,19 +139,27 @@ def relighter(
         return covered(rgba, factor, front, bilinear(objects, (rgba.shape[0], rgba.shape[1])), settings)
 
     if splats is None:
-        return lambda beauty, objects, mirrored: finished(
+        return lambda beauty, objects, mirrored, far: finished(
             np.concatenate([beauty, surface.coverage[..., None]], axis=-1), None, objects, mirrored
         )
     composite, unlit, mode = splats, unlit_rgba(splats), mode_of(settings)
     size = composite.camera.height, composite.camera.width
     old = captured if mode.needs_captured else None
     if settings.blend == 0:
-        return lambda beauty, objects, mirrored: finished(unlit, np.ones((*size, 3), np.float32), objects, None)
-    task = Task(size=size, unlit=unlit, new=surface, captured=old, captured_level=captured_level, settings=settings)
+        return lambda beauty, objects, mirrored, far: finished(unlit, np.ones((*size, 3), np.float32), objects, None)
+    task = Task(
+        size=size,
+        unlit=unlit,
+        new=surface,
+        captured=old,
+        captured_level=captured_level,
+        settings=settings,
+        camera=composite.camera,
+    )
     made = mode.prepared(task)
 
-    def relit(beauty: F32, objects: F32 | None, mirrored: F32 | None) -> F32:
-        factor = blended(made(beauty), settings.blend)
+    def relit(beauty: F32, objects: F32 | None, mirrored: F32 | None, far: F32 | None) -> F32:
+        factor = blended(made(beauty, far), settings.blend)
         return finished(multiplied(composite, unlit, factor, settings), factor, objects, mirrored)
 
     return relit

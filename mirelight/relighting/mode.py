@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.model import F32, LightingBuffer, RelightMode, RelightSettings, Space
+from mirelight.model import F32, Camera, LightingBuffer, RelightMode, RelightSettings, Space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -19,11 +19,12 @@ class Lit:
     beauty: F32  # (h, w, 3) linear radiance of all lights, premultiplied by coverage
     coverage: F32  # (h, w) 0 to 1
     albedo: F32  # (h, w, 3) of the covered part
+    far: F32 | None = None  # what the light has far away, a map of `mirelight.relighting.far`; None: not told
 
     @staticmethod
-    def of(lighting: LightingBuffer) -> Lit:
-        """That of a whole buffer."""
-        return Lit(beauty=lighting.beauty, coverage=lighting.coverage, albedo=lighting.albedo)
+    def of(lighting: LightingBuffer, far: F32 | None = None) -> Lit:
+        """That of a whole buffer, with a far map (128, 256, 3) beside it."""
+        return Lit(beauty=lighting.beauty, coverage=lighting.coverage, albedo=lighting.albedo, far=far)
 
     def moved(self, by: F32) -> Lit:
         """With that much more light (h, w, 3), not below zero."""
@@ -40,9 +41,10 @@ class Task:
     captured: Lit | None  # the light that the capture was made under; there where the mode needs it
     captured_level: float | None  # its mean luminance over the scene's surface (radiance over albedo); None: unknown
     settings: RelightSettings
+    camera: Camera | None = None  # of the frame, where what is far away is looked at
 
 
-Factor: TypeAlias = Callable[[F32], F32]
+Factor: TypeAlias = Callable[[F32, F32 | None], F32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,13 +57,13 @@ class Mode:
     leaves_floor: bool  # where no light falls a little of the captured colour stays; else the factor is linear in light
     reads: frozenset[str]  # settings that decide the factor, fields of RelightSettings beside mode, profile and blend
     space: Space | None  # in which the factor multiplies; None: as the settings or the profile say
-    # All but the light made ready once; then, for the new light's beauty (h, w, 3), the factor (H, W, 3) at full
-    # strength: `blend` is not its business. `new.beauty` of the task is not read.
+    # All but the light made ready once; then, for the new light's beauty (h, w, 3) and far map (or None), the factor
+    # (H, W, 3) at full strength: `blend` is not its business. `new.beauty` and `new.far` of the task are not read.
     prepared: Callable[[Task], Factor]
 
     def factor(self, task: Task) -> F32:
         """(H, W, 3) the factor of a task at full strength."""
-        return self.prepared(task)(task.new.beauty)
+        return self.prepared(task)(task.new.beauty, task.new.far)
 
 
 Seen = NDArray[np.bool_]  # (H, W) where the proxy covers anything

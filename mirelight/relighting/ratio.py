@@ -7,7 +7,8 @@ import numpy as np
 from mirelight.base import colour
 from mirelight.model import F32
 from mirelight.relighting.factor_extension import Continuation
-from mirelight.relighting.mode import Factor, Lit, Mode, Task
+from mirelight.relighting.far import FarView
+from mirelight.relighting.mode import Factor, Lit, Mode, Seen, Task
 from mirelight.relighting.pixels import divide, multiply
 from mirelight.relighting.resample import bilinear
 
@@ -21,17 +22,19 @@ def prepared(task: Task) -> Factor:
     luminance of E_captured: of the scene's surface where the task knows it, so that a point has one factor in every
     view, else of this view's. It is the ratio of two averages over a pixel, and it is applied in full at partly covered
     pixels: the splats there are the same surface. (Against path-traced truth, averaging sub-pixel ratios costs 0.4 dB,
-    fading by coverage 0.1 to 0.4 dB.)
+    fading by coverage 0.1 to 0.4 dB.) Far from the proxy it is `background`: a number, or the same ratio of what both
+    lights have far away in a pixel's direction.
     """
     settings, new = task.settings, Weight(task.new, task.size)
     below, floor, outwards = captured_light(task)
+    beyond = Beyond(task, outwards.seen, floor)
 
-    def factor(beauty: F32) -> F32:
+    def factor(beauty: F32, far: F32 | None) -> F32:
         above = new.light(beauty)
         above += floor
         above /= below
         np.minimum(above, np.float32(settings.max_ratio), out=above)
-        return outwards(above, settings.background)
+        return outwards(above, np.minimum(beyond.factor(far, with_floor=True), np.float32(settings.max_ratio)))
 
     return factor
 
@@ -45,6 +48,38 @@ def captured_light(task: Task) -> tuple[F32, np.float32, Continuation]:
     floor = np.float32(max(task.settings.delta * level, NO_LIGHT))
     light += floor
     return light, floor, Continuation(np.minimum(bilinear(task.new.coverage, task.size), coverage) > 0)
+
+
+class Beyond:
+    """The factor of what is seen past the proxy: splats show the far light itself there.
+
+    Args:
+        task: of a view, whose captured light has a far map where the settings ask for one.
+        seen: (H, W) where the proxy covers something.
+        floor: d m, as on the surface.
+    """
+
+    def __init__(self, task: Task, seen: Seen, floor: np.float32) -> None:
+        self._number = np.full((1, 1, 1), task.settings.far_number, np.float32)
+        old = None if task.captured is None or not task.settings.follows_sky else task.captured.far
+        self._view = None if old is None or task.camera is None else FarView(task.camera, seen)
+        self._floor = floor
+        self._below = None if old is None or self._view is None else self._view.of(old) + floor
+
+    def factor(self, far: F32 | None, *, with_floor: bool) -> F32:
+        """(L_new + d m) / (L_captured + d m), (H, W, 3), or the settings' number, (1, 1, 1).
+
+        Args:
+            far: map of the new light; None: it is not known.
+            with_floor: whether a little of what was captured stays where the new light has nothing.
+        """
+        if self._view is None or self._below is None or far is None:
+            return self._number
+        above = self._view.of(far)
+        if with_floor:
+            above += self._floor
+        above /= self._below
+        return above
 
 
 class Weight:

@@ -67,7 +67,7 @@ def splat_relighter(
             settings=settings,
         )
     )
-    return lambda light: factor(np.asarray(light[:, None] * own, np.float32))[:, 0]
+    return lambda light: factor(np.asarray(light[:, None] * own, np.float32), None)[:, 0]
 
 
 def relit_colors(layer: SplatLayer, shown: F32, plain: F32, factor: F32, settings: RelightSettings) -> F32:

@@ -26,15 +26,15 @@ def prepared(task: Task) -> Factor:
     coverage = bilinear(task.new.coverage, task.size)
     outwards = Continuation(coverage > 0)
 
-    def factor(beauty: F32) -> F32:
+    def factor(beauty: F32, far: F32 | None) -> F32:
         lit = divide(bilinear(beauty, task.size), coverage[..., None])
         lit *= np.float32(task.settings.brightness)
-        return outwards(lit, task.settings.background)
+        return outwards(lit, task.settings.far_number)
 
     return factor
 
 
-def _of_unit_texels(task: Task, beauty: F32) -> F32:
+def _of_unit_texels(task: Task, beauty: F32, far: F32 | None) -> F32:
     """The tint as GsplatRelighting's shader computes it from its texture.
 
     The texture has one sample a texel: colour and coverage 1, or zeros. Between texels both are interpolated and then
@@ -44,7 +44,7 @@ def _of_unit_texels(task: Task, beauty: F32) -> F32:
     hit = (lit.coverage >= _FULL_COVERAGE)[..., None]
     texel = np.where(hit, divide(beauty, lit.coverage[..., None]), np.float32(0))
     coverage = bilinear(hit.astype(np.float32), task.size)
-    background = np.float32(settings.background)
+    background = np.float32(settings.far_number)
     return background * (1 - coverage) + bilinear(texel, task.size) * np.float32(settings.brightness) * coverage
 
 

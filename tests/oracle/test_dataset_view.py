@@ -125,6 +125,9 @@ def test_mixed_frames_are_those_that_render_writes(folders: tuple[Path, Path]) -
         ("relight.texture_scale=0.5",),
         ("render.noise=0.5",),  # every lighting is traced as it is
         ("output.aovs=false",),
+        ("relight.background=environment",),
+        ("relight.background=environment", "lightings[0].environment={sky={elevation=30}}", "render.noise=0.5"),
+        ("relight.background=environment", "relight.mode=albedo", "lightings[1].environment={sky={elevation=10}}"),
         ("lightings[0].environment={sky={elevation=30}}",),
         ("resolution=[7, 5]", "glow"),
         ("relight.gloss=true", "materials=[{roughness=0.3}]", "glow"),
@@ -165,6 +168,17 @@ values = ["tint", "ratio"]
 field = "relight.blend"
 values = [0, 0.5]
 """
+SWEPT_SKY = """
+[relight]
+blend = 0.75
+
+[sweep]
+lightings = ["day", "dim"]
+
+[[sweep.axes]]
+field = "relight.background"
+values = [0.5, "environment"]
+"""
 
 
 def test_swept_relight_settings_are_those_of_single_jobs(tmp_path: Path) -> None:
@@ -186,6 +200,41 @@ def test_swept_relight_settings_are_those_of_single_jobs(tmp_path: Path) -> None
         assert np.abs(alone - swept).max() <= 1e-5 * np.abs(alone).max(), (mode, blend)
     unlike = [view.frame("front", name) for name in view.lightings[1:5]]
     assert np.array_equal(unlike[0], unlike[2]) and not np.allclose(unlike[1], unlike[3], rtol=0.01)
+
+
+def test_the_background_may_be_a_number_in_one_lighting_and_the_sky_in_another(tmp_path: Path) -> None:
+    """Splats lie beside the floor, too: what is seen of them far from it is as it was, or dark where no sky is."""
+    make_scene(tmp_path)
+    larger = 'splats={path="splats.ply", transform={scale=4}}'
+    changed = (y for x in (larger, "resolution=[96, 64]", "output.aovs=['factor']") for y in ("--set", x))
+    out = render(tmp_path, JOB + SWEPT_SKY, *changed)
+    view = dataset.open(out)
+    assert_equal_to_files(view, out)
+    number, sky = "dim-background0p5", "dim-background-environment"
+    far = read_exr(out / f"front.{number}.exr").layer("factor")[..., 0] == 0.25 + 0.75 * 0.5
+    assert far.sum() > 100
+    dark = read_exr(out / f"front.{sky}.exr").layer("factor")[far]
+    assert (np.abs(dark - 0.25) < 0.02).all() and (dark > 0.25).all()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (("profile=playcanvas",), "the profile playcanvas, whose background is one number; give a number"),
+        (("relight.mode=tint",), "a mode that does not compare with the captured light; give a number, or"),
+        (("relight.per=splat",), 'light that is found for splats; give a number, or set per to "pixel"'),
+        (("captured=lamps",), "captured light without an environment; give a number, or name what"),
+    ],
+)
+def test_a_sky_that_is_not_known_is_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changed: tuple[str, ...], said: str
+) -> None:
+    make_scene(tmp_path)
+    (tmp_path / "job.toml").write_text(JOB, encoding="utf-8")
+    chosen = (y for x in ("relight.background=environment", *changed) for y in ("--set", x))
+    assert cli.main(["render", str(tmp_path / "job.toml"), "-q", *chosen]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "relight.background" in line and said in line
 
 
 def test_a_proxy_without_splats(tmp_path: Path) -> None:

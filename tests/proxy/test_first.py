@@ -243,9 +243,9 @@ def test_light_is_estimated_where_cameras_tell_the_surface(tmp_path: Path, camer
     if cameras:
         assert made["captured"] == "estimate"
         assert made["proxy"] == {"path": "splats", "cameras": "transforms.json", "albedo": "splats"}
-        job.load(tmp_path / "job.toml")
+        assert job.load(tmp_path / "job.toml").relight.follows_sky
     else:
-        assert made.get("captured") != "estimate" and made["proxy"] == "splats"
+        assert made.get("captured") != "estimate" and made["proxy"] == "splats" and "relight" not in made
 
 
 def test_a_lamp_lights_a_capture_as_brightly_as_it_was_captured() -> None:

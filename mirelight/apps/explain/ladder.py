@@ -347,5 +347,6 @@ def _by_the_jobs_mode(subject: Subject, rungs: Rungs, recipe: Recipe, seed: int)
         return
     scene, lit = _light(subject, subject.job.relight, seed)
     settings = replace(recipe.settings, mode=mode.name)
-    level = scene.captured_level
-    rungs.add("ratio", replace(recipe, light=lit.new, settings=settings, captured=lit.captured, captured_level=level))
+    level, far = scene.captured_level, scene.far(lit.lighting)
+    light = replace(recipe, light=lit.new, captured=lit.captured, captured_level=level, far=far)
+    rungs.add("ratio", replace(light, settings=settings))

@@ -188,6 +188,7 @@ class Recipe:
     engine_blending: bool = True  # linear pipeline: tone curve and encoding follow the blending over the background
     captured: LightingBuffer | None = None
     captured_level: float | None = None
+    far: relighting.Far | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -238,6 +239,7 @@ class Rungs:
             recipe.settings,
             captured=recipe.captured,
             captured_level=recipe.captured_level,
+            far=recipe.far,
             noise=False,
         )
         rgb, alpha, display = frame.rgba[..., :3], frame.rgba[..., 3], recipe.display

@@ -110,6 +110,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
             else lighting.lightings(world, seen, wish.light, lit, dark, level if known is None else known.level, named)
         ),
         *objects.objects(wish.objects, seen, named),
+        *_sky(known=(known is not None or asked) and not wish.as_captured),
         *_rest(finer=cameras is not None and _finer(cameras, seen, wish)),
     ]
     not_taken = tuple(str(x) for x in (misfit, unread, *dark) if x is not None)
@@ -270,6 +271,13 @@ def _finer(found: beside.Cameras, seen: view.FirstView, wish: Wish) -> bool:
     frames = seen.camera.fy * wish.resolution[1] / seen.camera.height
     cameras = [x.to_camera(x.size(wish.resolution)) for x in found.cameras]
     return float(np.median([x.fy for x in cameras])) > _SMALLER * frames
+
+
+def _sky(*, known: bool) -> Iterator[str]:
+    if known:
+        yield ""
+        yield "[relight]"
+        yield 'background = "environment" # splats of the sky follow the new light; a number leaves them as they are'
 
 
 def _rest(*, finer: bool) -> Iterator[str]:

@@ -11,7 +11,7 @@ from mirelight import relighting
 from mirelight.apps.match.target import Target, resized
 from mirelight.apps.match.uncertain import Int, tiles
 from mirelight.base.progress import CountProgress
-from mirelight.model import F32, F64, Camera, Lighting, LightingBuffer, SplatLayer
+from mirelight.model import F32, F64, Camera, LayerFactor, Lighting, LightingBuffer, SplatLayer
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import Scene
@@ -37,7 +37,7 @@ class Columns:
         self, scene: Scene, camera: Camera, lighting: Lighting, target: Target, progress: CountProgress
     ) -> None:
         """Trace the lighting, whose lights are units (`units.terms`), and relight with each alone."""
-        self._scene = scene
+        self._scene, self._lighting = scene, lighting
         splats = stages.composite(scene, camera)
         assert splats is not None
         self._splats: SplatLayer = splats
@@ -60,12 +60,14 @@ class Columns:
         settings = settings if clamped else replace(settings, max_ratio=_NO_CLAMP)
         settings = settings if floor else replace(settings, delta=0.0)
         level = self._scene.captured_level if self._captured is not None else None
+        mix = tuple(LayerFactor(layer=name, factor=x) for name, x in weights.items())
         frame = relighting.apply(
             self._splats,
             self._new.reweighted(weights),
             settings,
             captured=self._captured,
             captured_level=level,
+            far=self._scene.far(replace(self._lighting, mix=mix)),
             noise=False,
         )
         return self._small(np.asarray(frame.rgba[..., :3]))

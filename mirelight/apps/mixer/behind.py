@@ -6,7 +6,7 @@ shader looks the maps up in the direction of each pixel (`page/behind.mjs`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from mirelight.apps.mixer import rgb9e5
 from mirelight.io.atomic import atomic_path
 from mirelight.io.environment import read_environment
-from mirelight.model import F32, F64, Backdrop, Camera, Lighting, SkyModel
-from mirelight.model.lights import SUN
+from mirelight.model import F32, F64, Backdrop, Camera
 from mirelight.model.unit_lights import Unit, terms
+from mirelight.pipeline.backdrops import around_unit
 from mirelight.pipeline.scene import Scene
 from mirelight.relighting import backdrop
-from mirelight.relighting.surroundings import MOST_ROWS, Map, Sun, Surroundings, surroundings_of
+from mirelight.relighting.surroundings import MOST_ROWS, Map, Sun, Surroundings
 
 BEHIND = "behind.bin"
 _MOST_PIXELS = 2048  # of a picture's longer side, on the page
@@ -92,28 +92,10 @@ def _surroundings(scene: Scene, units: tuple[Unit, ...], how: Backdrop) -> list[
         every.setdefault(term.unit.digest, (None, term.unit))
     out = []
     for key, (layer, unit) in every.items():
-        around = _around(scene, unit)
+        around = around_unit(unit, scene.resolved, with_ground=True)
         if around is not None:
             out.append(_Seen(layer, taken.get(key, np.zeros(3)), backdrop.prepared(around, how, _FINEST)))
     return out
-
-
-def _around(scene: Scene, unit: Unit) -> Surroundings | None:
-    """A unit light's surroundings, with its share of the ground that a sky model counts on."""
-    sky = unit.sky
-    if sky is None:
-        return surroundings_of(Lighting(lights=unit.lights, environment=unit.environment))
-    found = scene.resolved(Lighting(sky=sky))
-    if unit.part == SUN:
-        around = surroundings_of(Lighting(lights=found.lights))
-        if around is None or not isinstance(sky, SkyModel):
-            return around
-        return replace(around, maps=(backdrop.ground_under(around.suns, sky.albedo),))
-    environment = found.environment
-    if environment is not None and isinstance(sky, SkyModel):
-        lit = backdrop.with_lit_ground(environment.pixels, np.zeros(3), sky.albedo)
-        environment = replace(environment, radiance=lit)
-    return surroundings_of(Lighting(environment=environment))
 
 
 def _disc(sun: Sun, gain: float) -> dict[str, Any]:

@@ -180,7 +180,7 @@ def _describe(job: Job, camera: Camera, lighting: EngineLighting) -> dict[str, A
         "relighting": {
             "blend": relight.blend,
             "brightness": relight.brightness,
-            "background": relight.background,
+            "background": relight.far_number,
             "textureScale": relight.texture_scale,
         },
         "gsplat": _gsplat(job.compositor),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from mirelight import model
 from mirelight.base.primaries import ColorSpace
@@ -125,6 +125,16 @@ class CompositorTable(Table):
     )
 
 
+def _number_or_word(value: Any) -> str:
+    return "type=word" if isinstance(value, str) else "type=number"
+
+
+FarFactor: TypeAlias = Annotated[
+    Annotated[NotNegative, Tag("type=number")] | Annotated[Literal["environment"], Tag("type=word")],
+    Discriminator(_number_or_word),
+]
+
+
 class RelightTable(Table):
     """How light changes the splats' colours."""
 
@@ -141,7 +151,12 @@ class RelightTable(Table):
     )
     blend: Share = Field(default=_RELIGHT.blend, description="0: as captured; 1: fully relit.")
     brightness: NotNegative = Field(default=_RELIGHT.brightness, description="tint: multiplies the lit proxy.")
-    background: NotNegative = Field(default=_RELIGHT.background, description="The factor far from the proxy.")
+    background: FarFactor = Field(
+        default=_RELIGHT.background,
+        description='The factor far from the proxy: a number; or "environment", new over captured light that comes '
+        "from each pixel's direction, so that splats of the sky follow it (ratio and albedo, light found for pixels). "
+        "playcanvas: a number.",
+    )
     texture_scale: float = Field(
         default=_RELIGHT.texture_scale,
         ge=0.01,

@@ -376,6 +376,15 @@ def test_a_setting_is_in_the_keys_of_what_it_decides(name: str) -> None:
     assert different(ROOM, with_other(ROOM, name)) == DECIDES[name]
 
 
+def test_a_sky_to_be_followed_is_in_the_frames_keys() -> None:
+    """That it is followed; what it is they hold already, as light."""
+    follows = replace(ROOM, relight=replace(ROOM.relight, background="environment"))
+    assert different(ROOM, follows) == FILES
+    for around in ("lightings", "captured"):
+        new = replace(ROOM.lightings[0] if around == "lightings" else CAPTURED, environment=sky(2.0))
+        assert different(follows, replace(follows, **{around: (new,) if around == "lightings" else new})) >= FILES
+
+
 def test_what_stands_behind_unlit_frames_is_in_their_files_keys() -> None:
     """They show the captured light's surroundings; without a backdrop nothing of it."""
     behind = replace(ROOM, display=DisplaySettings(backdrop=Backdrop()))

@@ -279,6 +279,17 @@ def test_the_last_rung_of_a_ratio_has_the_scene_s_own_level() -> None:
     np.testing.assert_array_equal(np.rint(last.frame * 255), encode_display(frame.rgba, job.display))
 
 
+def test_the_last_rung_follows_the_sky_past_the_proxy() -> None:
+    job = make_job(wall(-5, -1.5), lights=(LEFT,), sky=0.2, relight={"mode": "ratio", "background": "environment"})
+    around = Environment(radiance=np.full((1, 1, 3), 0.8, np.float32))
+    job = replace(job, captured=Lighting(name="then", environment=around), relight=replace(job.relight, repair=False))
+    last = ladder_of(job).rungs[-1]
+    frame = stages.frame(prepare(job), job.cameras[0], job.lightings[0])
+    assert frame.factor is not None
+    assert frame.factor[10, -5] == pytest.approx(np.full(3, 0.25), rel=0.02)
+    np.testing.assert_array_equal(np.rint(last.frame * 255), encode_display(frame.rgba, job.display))
+
+
 OVER_SUN = SunLight(name="over", direction=OVER, intensity=2, angular_diameter=12)
 OVER_HARD = DirectionalLight(name="over", direction=OVER, intensity=2)
 

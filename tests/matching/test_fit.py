@@ -160,6 +160,17 @@ def test_lights_are_found_in_the_mode_tint(true: F32) -> None:
     np.testing.assert_allclose(weights(found.lighting), weights(TRUE), rtol=0.01, atol=0.01)
 
 
+def test_splats_past_the_proxy_tell_of_the_sky_that_they_follow() -> None:
+    """All but a corner of the floor has no mesh beneath it, and follows the environment alone."""
+    mesh = proxy()
+    corner = replace(mesh, vertices=np.where(mesh.vertices > 0, -1, mesh.vertices).astype(np.float32))
+    scene = prepare(replace(job(background="environment"), proxy=Deferred(digest("corner"), lambda: corner)))
+    true = picture(scene)
+    assert np.abs(true - picture(prepare(replace(scene.job, relight=job().relight)))).max() > 0.1
+    found = match(scene, [(CAMERA, target(true))], START)
+    np.testing.assert_allclose(weights(found.lighting)[-1], weights(TRUE)[-1], rtol=0.01)
+
+
 def test_a_painted_corner_is_masked_out(scene: Scene, true: F32) -> None:
     painted, mask = true.copy(), np.ones(true.shape[:2], np.float32)
     painted[:24, :40] = (3, 0, 0)

@@ -267,7 +267,8 @@ def _lit_surface(subject: Subject, camera: Camera, *, biased: bool = False) -> L
 def physical_steps(subject: Subject, rungs: Rungs, recipe: Recipe, points: PointLight, seed: int, say: Say) -> None:
     """From points and one sample a pixel to the physical frame, by paths of that seed."""
     say("tracing")
-    _, lit = _light(subject, replace(subject.job.relight, mode="tint"), seed)
+    relight = subject.job.relight
+    _, lit = _light(subject, replace(relight, mode="tint", background=relight.far_number), seed)
     recipe = _traced(subject, rungs, recipe, points, lit.new)
     say("splats")
     recipe = _blended_physically(subject, rungs, recipe)

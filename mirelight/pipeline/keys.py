@@ -81,7 +81,9 @@ class Keys(SceneKeys):
             return "no splats"
         wanted = requirements.wants_depth(job), requirements.wants_diffuse(job)
         settings = reads.read(job.compositor, reads.compositor_reads(job.compositor)), *wanted
-        return digest("composite", job.splats.digest, settings, self._versions("drjit", "llvm"), job.render.variant)
+        beyond = [self.splat_distances] if requirements.wants_beyond(job) else []
+        versions = self._versions("drjit", "llvm")
+        return digest("composite", job.splats.digest, settings, versions, job.render.variant, *beyond)
 
     def light(self, light_set: LightSet, camera: Camera) -> str:
         """The traced buffer of a set of unit lights; `camera` is the lighting's."""

@@ -172,6 +172,12 @@ def wants_depth(job: Job) -> bool:
     return job.output.wants("splat_depth", "splat_median_depth")
 
 
+def wants_beyond(job: Job) -> bool:
+    """True where splats off the proxy are told from those on it: frames of the job follow the sky past the proxy."""
+    follows = any(job.relight_of(x).follows_sky for x in job.lightings)
+    return follows and job.splats is not None and job.proxy is not None
+
+
 def wants_diffuse(job: Job) -> bool:
     """True where a frame treats colour that changes with the view apart."""
     own = [job.relight, *(x.relight for x in job.lightings if x.relight is not None)]

@@ -20,9 +20,10 @@ from mirelight.model import (
 )
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.pipeline import reads, requirements
-from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache
+from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache, made_once
 from mirelight.pipeline.backdrops import Backdrops, FarMaps
-from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
+from mirelight.pipeline.beyond import distances, off_proxy
+from mirelight.pipeline.codecs import ARRAY, array_of, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
 from mirelight.pipeline.painted import paint_of
@@ -268,6 +269,18 @@ class Scene(Prepared):
     @cached_property
     def _backdrops(self) -> Backdrops:
         return Backdrops(self.job, self.resolved)
+
+    def beyond(self, camera: Camera) -> F32:
+        """(H, W) share of the splats that a camera sees which lie off the proxy."""
+        return off_proxy(self.compositor, camera, self._splat_distances)
+
+    @cached_property
+    def _splat_distances(self) -> F32:
+        splats, mesh = self.splats, self.mesh
+        assert splats is not None and mesh is not None
+        key, codec = self.keys.splat_distances, array_of((len(splats),))
+        threads = self.job.render.threads
+        return made_once(self.kept, f"distances {key[:24]}", key, codec, lambda: distances(splats.means, mesh, threads))
 
     def far(self, lighting: Lighting) -> relighting.Far | None:
         """What a lighting and the captured light have far away, for splats there; None where frames do not ask."""

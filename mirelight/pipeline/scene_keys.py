@@ -82,6 +82,13 @@ class SceneKeys:
         return digest("places", *parts, job.render.max_depth, self._device)
 
     @cached_property
+    def splat_distances(self) -> str:
+        """How far each splat lies from the proxy."""
+        job = self.job
+        assert job.splats is not None and job.proxy is not None
+        return digest("distances", job.splats.digest, job.proxy.digest, self._versions("numpy", "scipy"))
+
+    @cached_property
     def surface_cells(self) -> str:
         """The pieces of the proxy that light is kept on, whatever looks at it."""
         return digest("cells", self.proxy, self._device)

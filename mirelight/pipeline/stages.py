@@ -68,9 +68,10 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
     _require("composite", scene=(scene, Scene), camera=(camera, Camera))
     if scene.job.splats is None:
         return None
-    return scene.compositor.composite(
+    made = scene.compositor.composite(
         camera.pinhole, depth=requirements.wants_depth(scene.job), diffuse=requirements.wants_diffuse(scene.job)
     )
+    return replace(made, beyond=scene.beyond(camera.pinhole)) if requirements.wants_beyond(scene.job) else made
 
 
 # --- light -----------------------------------------------------------------------------------------------------------

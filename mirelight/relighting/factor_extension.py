@@ -26,9 +26,10 @@ class Continuation:
 
     Args:
         seen: (H, W) where factors hold: the proxy covers something.
+        beyond: (H, W) share of what is there that is no part of the surface, and takes the background; None: nothing.
     """
 
-    def __init__(self, seen: Seen) -> None:
+    def __init__(self, seen: Seen, beyond: F32 | None = None) -> None:
         self.seen = seen
         self._all = bool(seen.all())
         if self._all:
@@ -39,6 +40,8 @@ class Continuation:
         self._near = np.flatnonzero((closeness > 0) & ~seen)
         self._near_at = np.divmod(self._near, self._width)  # rows and columns
         self._share = closeness.reshape(-1)[self._near, None]
+        if beyond is not None:
+            self._share = self._share * (1 - beyond.reshape(-1)[self._near, None])
         self._counts = [_halved(self._known)]
         while not ((self._counts[-1] > 0).all() or self._counts[-1].size == 1):
             self._counts.append(_halved(self._counts[-1]))

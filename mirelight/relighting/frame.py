@@ -82,6 +82,7 @@ def apply(
                 captured_level=captured_level,
                 settings=settings,
                 camera=splats.camera,
+                beyond=splats.beyond,
             )
             return blended(mode.factor(task), settings.blend)
 
@@ -155,6 +156,7 @@ def relighter(
         captured_level=captured_level,
         settings=settings,
         camera=composite.camera,
+        beyond=composite.beyond,
     )
     made = mode.prepared(task)
 

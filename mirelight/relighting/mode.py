@@ -42,6 +42,7 @@ class Task:
     captured_level: float | None  # its mean luminance over the scene's surface (radiance over albedo); None: unknown
     settings: RelightSettings
     camera: Camera | None = None  # of the frame, where what is far away is looked at
+    beyond: F32 | None = None  # (H, W) share of the splats that lie off the proxy; None: not told
 
 
 Factor: TypeAlias = Callable[[F32, F32 | None], F32]

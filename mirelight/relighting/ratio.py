@@ -47,7 +47,8 @@ def captured_light(task: Task) -> tuple[F32, np.float32, Continuation]:
     level = mean_level(light, coverage) if task.captured_level is None else task.captured_level
     floor = np.float32(max(task.settings.delta * level, NO_LIGHT))
     light += floor
-    return light, floor, Continuation(np.minimum(bilinear(task.new.coverage, task.size), coverage) > 0)
+    seen = np.minimum(bilinear(task.new.coverage, task.size), coverage) > 0
+    return light, floor, Continuation(seen, task.beyond if task.settings.follows_sky else None)
 
 
 class Beyond:

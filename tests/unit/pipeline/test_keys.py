@@ -282,7 +282,15 @@ ARTEFACTS: dict[str, Artefact] = {
 # Public names of Keys: those that are keys of an artefact, and those that only help to find one.
 KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places"}
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
-KEYED |= {"light_with_objects", "light_of_lobes", "in_front", "object_matte", "object_boxes", "mirrored"}
+KEYED |= {
+    "splat_distances",
+    "light_with_objects",
+    "light_of_lobes",
+    "in_front",
+    "object_matte",
+    "object_boxes",
+    "mirrored",
+}
 HELPING = {"job", "splat_sets", "sets", "lights", "needs", "mixture", "files"}
 
 FILES = {"frame", "EXR", "PNG", "exported picture"}
@@ -377,9 +385,11 @@ def test_a_setting_is_in_the_keys_of_what_it_decides(name: str) -> None:
 
 
 def test_a_sky_to_be_followed_is_in_the_frames_keys() -> None:
-    """That it is followed; what it is they hold already, as light."""
+    """That it is followed, and which splats lie off the proxy; what it is they hold already, as light."""
     follows = replace(ROOM, relight=replace(ROOM.relight, background="environment"))
-    assert different(ROOM, follows) == FILES
+    assert different(ROOM, follows) == FILES | UNLIT
+    for job in (ROOM, follows):
+        assert ("composite" in different(job, replace(job, proxy=mesh(0.4)))) == (job is follows)
     for around in ("lightings", "captured"):
         new = replace(ROOM.lightings[0] if around == "lightings" else CAPTURED, environment=sky(2.0))
         assert different(follows, replace(follows, **{around: (new,) if around == "lightings" else new})) >= FILES

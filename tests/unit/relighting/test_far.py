@@ -30,7 +30,11 @@ def dome(radiance: Any, rows: int = 64, rotation: float = 0.0, suns: tuple[Sun, 
 
 
 def factor(
-    camera: Camera, new: Surroundings | None, old: Surroundings | None, settings: RelightSettings = FOLLOWS
+    camera: Camera,
+    new: Surroundings | None,
+    old: Surroundings | None,
+    settings: RelightSettings = FOLLOWS,
+    beyond: F32 | None = None,
 ) -> F32:
     """Of a frame whose last column alone shows the proxy, lit by half of its captured light."""
     coverage = np.zeros((H, W), np.float32)
@@ -47,7 +51,7 @@ def factor(
         albedo=np.full((H, W, 3), 0.5, np.float32),
     )
     flat = np.full((H, W), 0.25, np.float32)
-    splats = SplatLayer(camera=camera, color=0.5 * up, transmittance=flat, depth=flat, median_depth=flat)
+    splats = SplatLayer(camera=camera, color=0.5 * up, transmittance=flat, depth=flat, median_depth=flat, beyond=beyond)
     frame = relighting.apply(
         splats,
         captured.reweighted({"sun": 0.5}),
@@ -139,6 +143,19 @@ def test_the_sun_of_a_panorama_leaves_no_disc(lit: str) -> None:
     pair = (with_sun, plain) if lit == "new" else (plain, with_sun)
     found = away(factor(looking(tuple(towards)), *pair))
     np.testing.assert_allclose(found, 1, rtol=0.03)
+
+
+def test_splats_off_the_proxy_take_the_far_factor_up_to_its_edge() -> None:
+    """And those that are told to lie on it that of the surface, however near the sky."""
+    beyond = np.ones((H, W), np.float32)
+    beyond[H // 2 :] = 0
+    found = factor(looking((0, 1, -1)), dome(EVENING), dome(DAY), beyond=beyond)
+    sky, surface = (EVENING + FLOOR) / (DAY + FLOOR), (0.5 * 2 + FLOOR) / (2 + FLOOR)
+    np.testing.assert_allclose(found[: H // 2, W - 2], np.broadcast_to(sky, (H // 2, 3)), rtol=1e-3)
+    np.testing.assert_allclose(found[H // 2 :, W - 2], surface, rtol=1e-3)
+    number = replace(FOLLOWS, background=0.25)
+    plain, told = (factor(looking((0, 1, -1)), None, dome(DAY), number, x) for x in (None, beyond))
+    np.testing.assert_array_equal(plain, told)
 
 
 @pytest.mark.parametrize("mode", ["ratio", "albedo"])

@@ -1,0 +1,57 @@
+"""Which splats lie off the proxy, as those of a sky do, and how much of each pixel they are.
+
+At silhouettes splats of a thing that reach past its proxy blend with those behind it. The former take the factor of the
+surface beside them, the latter that of the sky; both are told apart by how far they lie from the proxy in space.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mirelight.model import F32, Camera, ProxyMesh, triangles
+
+if TYPE_CHECKING:
+    from mirelight.compositor import Compositor
+
+_MARKS = 400_000  # points on the proxy that distances are measured to
+_ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's longer side: up to here on, from here off
+
+
+def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
+    """(N,) distance of points (N, 3) to a mesh, world units, at most as much too small as points on it lie apart.
+
+    Args:
+        points: anywhere.
+        mesh: of any area; without any all is infinitely far.
+        threads: that may be used; None: all.
+    """
+    from scipy.spatial import cKDTree
+
+    from mirelight.proxy.sampling import spread
+
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    area = float(triangles.areas(corners).sum())
+    if not area > 0:
+        return np.full(len(points), np.inf, np.float32)
+    marks = spread(mesh.vertices.astype(np.float64), mesh.faces, _MARKS)
+    away, _ = cKDTree(marks).query(points.astype(np.float64), workers=threads or -1)
+    return np.maximum(away - np.sqrt(area / len(marks)), 0).astype(np.float32)
+
+
+def off_proxy(compositor: Compositor, camera: Camera, away: F32) -> F32:
+    """(H, W) share of what splats show at each pixel that those show which lie off the proxy.
+
+    Args:
+        compositor: of N splats.
+        camera: that sees them.
+        away: (N,) their distance to the proxy.
+    """
+    depth = (camera.position - compositor.splats.means.astype(np.float64)) @ camera.world_from_camera[:3, 2]
+    unit = 1.0 if camera.projection == "orthographic" else np.maximum(depth, 1e-9)
+    seen = away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height)
+    t = np.clip((seen - _ON) / (_OFF - _ON), 0, 1)
+    layer, sums = compositor.composite_with(camera, (t * t * (3 - 2 * t))[:, None].astype(np.float32), depth=False)
+    alpha = 1 - layer.transmittance
+    return np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1).astype(np.float32)

@@ -1,0 +1,54 @@
+"""Which splats lie off the proxy: distances in closed form, and what a camera sees of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mirelight.compositor import Compositor
+from mirelight.model import Camera, CompositorSettings, ProxyMesh, SplatCloud
+from mirelight.pipeline.beyond import distances, off_proxy
+
+SQUARE = ProxyMesh(
+    vertices=np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32),
+    faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+)
+
+
+def test_distances_are_those_of_a_square() -> None:
+    points = np.random.default_rng(0).uniform(-3, 3, (500, 3))
+    off = np.maximum(np.abs(points[:, :2]) - 1, 0)
+    true = np.sqrt((off**2).sum(axis=1) + points[:, 2] ** 2)
+    found = distances(points.astype(np.float32), SQUARE)
+    assert (found <= true + 1e-5).all() and (found >= true - 0.01).all()
+
+
+def test_everything_is_off_a_proxy_without_area() -> None:
+    flat = ProxyMesh(vertices=np.zeros((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32))
+    assert np.isinf(distances(np.ones((2, 3), np.float32), flat)).all()
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("supersampling", [1, 2])
+def test_a_wall_before_a_sky(projection: str, supersampling: int) -> None:
+    """Splats of the left half lie on the square, those of the right half far behind it, as seen past its edge."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 40)))
+    wall, sky = np.stack([x - 1, y, 0 * x], axis=1), np.stack([8 * (x + 1), 8 * y, 0 * x - 30], axis=1)
+    means = np.concatenate([wall, sky]).astype(np.float32)
+    cloud = SplatCloud(
+        means=means,
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (len(means), 1)),
+        scales=np.repeat(np.float32([0.05, 0.4]), len(x))[:, None].repeat(3, axis=1),
+        opacities=np.full(len(means), 0.9, np.float32),
+        sh=np.zeros((len(means), 1, 3), np.float32),
+    )
+    camera = Camera.look_at((0, 0, 4), (0, 0, 0), 32, 24, yfov=20)
+    if projection == "orthographic":
+        camera = replace(camera, projection="orthographic", fx=24 / 1.4, fy=24 / 1.4)
+    mesh = ProxyMesh(vertices=SQUARE.vertices - np.float32([1, 0, 0]), faces=SQUARE.faces)
+    compositor = Compositor(cloud, CompositorSettings(supersampling=supersampling))
+    share = off_proxy(compositor, camera, distances(means, mesh))
+    assert share.dtype == np.float32 and share.shape == (24, 32)
+    assert share[:, :12].max() < 0.05 and share[:, 20:].min() > 0.95

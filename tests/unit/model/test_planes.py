@@ -16,7 +16,7 @@ from mirelight.model.planes import AOVS, EXACT, LIGHT_PLANES, MATTES, PLANES, Ow
 
 TYPES: dict[Owner, type] = {"frame": Frame, "splats": SplatLayer, "lighting": LightingBuffer, "layer": LightLayer}
 ELSEWHERE = {("frame", "rgba"), ("lighting", "coverage")}  # the picture itself, and the alpha of `lighting`
-ELSEWHERE |= {("splats", "diffuse")}  # relighting's own, in no file
+ELSEWHERE |= {("splats", "diffuse"), ("splats", "beyond")}  # relighting's own, in no file
 ELSEWHERE |= {("layer", name) for name in ("half", "quarter", "other_quarter")}  # the denoiser's own, in no file
 
 DERIVED = {"rgba", "noisy_beauty"}  # rows of sums

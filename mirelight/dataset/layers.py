@@ -78,7 +78,7 @@ class Layers:
         level = None  # there is none where the machine that rendered could not tell it
         if index.captured_level is not None and self._scene.has(index.captured_level, ARRAY):
             level = self._far.array(index.captured_level)
-        surface = relighting.Lit(beauty=np.zeros((1, 1, 3), np.float32), coverage=first.coverage, albedo=first.albedo)
+        surface = replace(relighting.Lit.of(first), beauty=np.zeros((1, 1, 3), np.float32))
 
         @cache
         def compared(repair: bool, far: bool) -> relighting.Lit | None:

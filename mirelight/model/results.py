@@ -24,7 +24,7 @@ class SplatLayer(ArrayHolder):
     depth: F32  # (H, W) mean over blended splats of the view depth, world units; 0 where nothing is
     median_depth: F32  # (H, W) view depth where transmittance falls to 0.5; 0 where it does not
     diffuse: F32 | None = None  # (H, W, 3) `color` without what changes with the view (SH above degree 0), if asked for
-    beyond: F32 | None = None  # (H, W) share of the blended splats that lie off the proxy, 0 to 1, if asked for
+    beyond: F32 | None = None  # (H, W, 2) share of the blended splats that lie off the proxy, their depth; if asked for
     profile: Profile = "physical"
     linear: bool = False  # color is linear light: of such splats, or the playcanvas 'linear' pipeline
 
@@ -32,7 +32,7 @@ class SplatLayer(ArrayHolder):
         h, w = self.camera.height, self.camera.width
         freeze(self, "color", (h, w, 3))
         freeze(self, "diffuse", (h, w, 3))
-        freeze(self, "beyond", (h, w))
+        freeze(self, "beyond", (h, w, 2))
         for name in ("transmittance", "depth", "median_depth"):
             freeze(self, name, (h, w))
 

@@ -41,7 +41,7 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
 
 
 def off_proxy(compositor: Compositor, camera: Camera, away: F32) -> F32:
-    """(H, W) share of what splats show at each pixel that those show which lie off the proxy.
+    """(H, W, 2) share of the splats seen at each pixel that lie off the proxy, and the mean view depth of those.
 
     Args:
         compositor: of N splats.
@@ -52,6 +52,9 @@ def off_proxy(compositor: Compositor, camera: Camera, away: F32) -> F32:
     unit = 1.0 if camera.projection == "orthographic" else np.maximum(depth, 1e-9)
     seen = away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height)
     t = np.clip((seen - _ON) / (_OFF - _ON), 0, 1)
-    layer, sums = compositor.composite_with(camera, (t * t * (3 - 2 * t))[:, None].astype(np.float32), depth=False)
+    off = t * t * (3 - 2 * t)
+    values = np.stack([off, off * np.maximum(depth, 0)], axis=1).astype(np.float32)
+    layer, sums = compositor.composite_with(camera, values, depth=False)
     alpha = 1 - layer.transmittance
-    return np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1).astype(np.float32)
+    share = np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1)
+    return np.stack([share, sums[..., 1] / np.maximum(sums[..., 0], 1e-9)], axis=-1).astype(np.float32)

@@ -271,7 +271,7 @@ class Scene(Prepared):
         return Backdrops(self.job, self.resolved)
 
     def beyond(self, camera: Camera) -> F32:
-        """(H, W) share of the splats that a camera sees which lie off the proxy."""
+        """(H, W, 2) share of the splats that a camera sees which lie off the proxy, and their depth."""
         return off_proxy(self.compositor, camera, self._splat_distances)
 
     @cached_property

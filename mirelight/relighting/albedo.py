@@ -24,7 +24,7 @@ def prepared(task: Task) -> Factor:
     """
     new = Weight(task.new, task.size)
     below, floor, outwards = captured_light(task)
-    beyond = Beyond(task, outwards.seen, floor)
+    beyond = Beyond(task, outwards, floor)
     color = divide(task.unlit[..., :3], task.unlit[..., 3:])
     most = np.float32(BRIGHTEST) / np.maximum(color, _BLACK)
     per_light = np.minimum(1 / below, most)

@@ -27,14 +27,20 @@ class Continuation:
     Args:
         seen: (H, W) where factors hold: the proxy covers something.
         beyond: (H, W) share of what is there that is no part of the surface, and takes the background; None: nothing.
+
+    Attributes:
+        seen: (H, W) where the background does not count.
     """
 
     def __init__(self, seen: Seen, beyond: F32 | None = None) -> None:
-        self.seen = seen
+        self._width = seen.shape[1]
+        self._through = np.flatnonzero(seen & (beyond > 0)) if beyond is not None else np.zeros(0, np.intp)
+        self._through_at = np.divmod(self._through, self._width)
+        self._past = None if beyond is None else beyond.reshape(-1)[self._through, None]
+        self.seen = seen if beyond is None else seen & (beyond <= 0)
         self._all = bool(seen.all())
         if self._all:
             return
-        self._width = seen.shape[1]
         self._known = seen[..., None].astype(np.float32)
         closeness = _closeness(seen)
         self._near = np.flatnonzero((closeness > 0) & ~seen)
@@ -50,21 +56,27 @@ class Continuation:
     def __call__(self, factor: F32, background: float | F32) -> F32:
         """The factor (H, W, 3), used up, with `background` beyond `FAR` from the proxy: a number, or (H, W, 3), or what
         broadcasts to it."""
-        if self._all:
-            return factor
+        beyond = np.broadcast_to(np.asarray(background, np.float32), factor.shape)
+        if not self._all:
+            self._carry(factor, beyond)
+        if self._past is not None:
+            flat = factor.reshape(-1, 3)
+            flat[self._through] += (beyond[self._through_at] - flat[self._through]) * self._past
+        return factor
+
+    def _carry(self, factor: F32, beyond: F32) -> None:
+        """Fill the factor (H, W, 3) where it does not hold, with `beyond` (H, W, 3) far from where it does."""
         multiply(factor, self._known, factor)
         sums = [_halved(factor)]
         for _ in self._counts[1:]:
             sums.append(_halved(sums[-1]))
         own = [divide(total, count) for total, count in zip(sums, self._counts, strict=True)]
         values = _read(_filled(own, self._counts), self._near, self._width)
-        beyond = np.broadcast_to(np.asarray(background, np.float32), factor.shape)
         unknown = 1 - self._known[..., 0]
         for channel in range(3):
             factor[..., channel] += beyond[..., channel] * unknown
         faded = beyond[self._near_at] * (1 - self._share)
         factor.reshape(-1, 3)[self._near] = values / self._weight * self._share + faded
-        return factor
 
 
 # --- values ----------------------------------------------------------------------------------------------------------

@@ -61,7 +61,7 @@ class FarView:
 
     Args:
         camera: of the frame.
-        seen: (H, W) where the proxy covers something: nothing is looked up there.
+        seen: (H, W) where nothing but the proxy is seen: nothing is looked up there.
     """
 
     def __init__(self, camera: Camera, seen: Seen) -> None:
@@ -70,7 +70,7 @@ class FarView:
         self._way: F64 = unit(camera.rays()[1].reshape(-1, 3)[self._where]) if self._where.size else np.zeros((0, 3))
 
     def of(self, far: F32) -> F32:
-        """(H, W, 3) radiance of a far map (h, 2h, 3) at the camera's pixels, 0 where the proxy is."""
+        """(H, W, 3) radiance of a far map (h, 2h, 3) at the camera's pixels, 0 where nothing but the proxy is."""
         out = np.zeros((self._shape[0] * self._shape[1], 3), np.float32)
         out[self._where] = Map(far, 0.0, np.ones(3)).seen(self._way)
         return out.reshape(*self._shape, 3)

@@ -19,12 +19,14 @@ class Lit:
     beauty: F32  # (h, w, 3) linear radiance of all lights, premultiplied by coverage
     coverage: F32  # (h, w) 0 to 1
     albedo: F32  # (h, w, 3) of the covered part
+    depth: F32 | None = None  # (h, w) view depth of the covered part; None: not told
     far: F32 | None = None  # what the light has far away, a map of `mirelight.relighting.far`; None: not told
 
     @staticmethod
     def of(lighting: LightingBuffer, far: F32 | None = None) -> Lit:
         """That of a whole buffer, with a far map (128, 256, 3) beside it."""
-        return Lit(beauty=lighting.beauty, coverage=lighting.coverage, albedo=lighting.albedo, far=far)
+        surface = {"coverage": lighting.coverage, "albedo": lighting.albedo, "depth": lighting.depth}
+        return Lit(beauty=lighting.beauty, **surface, far=far)
 
     def moved(self, by: F32) -> Lit:
         """With that much more light (h, w, 3), not below zero."""
@@ -42,7 +44,7 @@ class Task:
     captured_level: float | None  # its mean luminance over the scene's surface (radiance over albedo); None: unknown
     settings: RelightSettings
     camera: Camera | None = None  # of the frame, where what is far away is looked at
-    beyond: F32 | None = None  # (H, W) share of the splats that lie off the proxy; None: not told
+    beyond: F32 | None = None  # (H, W, 2) share of the splats that lie off the proxy, their view depth; None: not told
 
 
 Factor: TypeAlias = Callable[[F32, F32 | None], F32]

@@ -12,6 +12,7 @@ from mirelight.relighting.mode import Factor, Lit, Mode, Seen, Task
 from mirelight.relighting.pixels import divide, multiply
 from mirelight.relighting.resample import bilinear
 
+_BESIDE, _BEHIND = 1.1, 1.3  # times the proxy's depth: up to here splats may be of a surface that it misses, or not
 NO_LIGHT = 1e-20  # keeps 0 / 0 at a ratio of 1 where the whole capture is black
 
 
@@ -27,7 +28,7 @@ def prepared(task: Task) -> Factor:
     """
     settings, new = task.settings, Weight(task.new, task.size)
     below, floor, outwards = captured_light(task)
-    beyond = Beyond(task, outwards.seen, floor)
+    beyond = Beyond(task, outwards, floor)
 
     def factor(beauty: F32, far: F32 | None) -> F32:
         above = new.light(beauty)
@@ -48,7 +49,22 @@ def captured_light(task: Task) -> tuple[F32, np.float32, Continuation]:
     floor = np.float32(max(task.settings.delta * level, NO_LIGHT))
     light += floor
     seen = np.minimum(bilinear(task.new.coverage, task.size), coverage) > 0
-    return light, floor, Continuation(seen, task.beyond if task.settings.follows_sky else None)
+    return light, floor, Continuation(seen, _off(task, seen) if task.settings.follows_sky else None)
+
+
+def _off(task: Task, seen: Seen) -> F32 | None:
+    """(H, W) share of each pixel's splats that are no part of the surface: before the proxy where those lie far behind
+    it, as beside a thing whose proxy is too wide, and past it all that lie off it. None: not told."""
+    if task.beyond is None:
+        return None
+    share, depth = task.beyond[..., 0], task.beyond[..., 1]
+    surface = task.captured if task.captured is not None else task.new
+    if surface.depth is None:
+        return np.where(seen, np.float32(0), share)
+    coverage = bilinear(surface.coverage, task.size)
+    proxy = bilinear(surface.depth * surface.coverage, task.size) / np.maximum(coverage, np.float32(1e-6))
+    t = np.clip((depth / np.maximum(proxy, np.float32(1e-6)) - _BESIDE) / (_BEHIND - _BESIDE), 0, 1)
+    return np.asarray(share * np.where(seen, t * t * (3 - 2 * t), 1), np.float32)
 
 
 class Beyond:
@@ -56,14 +72,14 @@ class Beyond:
 
     Args:
         task: of a view, whose captured light has a far map where the settings ask for one.
-        seen: (H, W) where the proxy covers something.
+        outwards: says where the factor counts.
         floor: d m, as on the surface.
     """
 
-    def __init__(self, task: Task, seen: Seen, floor: np.float32) -> None:
+    def __init__(self, task: Task, outwards: Continuation, floor: np.float32) -> None:
         self._number = np.full((1, 1, 1), task.settings.far_number, np.float32)
         old = None if task.captured is None or not task.settings.follows_sky else task.captured.far
-        self._view = None if old is None or task.camera is None else FarView(task.camera, seen)
+        self._view = None if old is None or task.camera is None else FarView(task.camera, outwards.seen)
         self._floor = floor
         self._below = None if old is None or self._view is None else self._view.of(old) + floor
 

@@ -50,5 +50,6 @@ def test_a_wall_before_a_sky(projection: str, supersampling: int) -> None:
     mesh = ProxyMesh(vertices=SQUARE.vertices - np.float32([1, 0, 0]), faces=SQUARE.faces)
     compositor = Compositor(cloud, CompositorSettings(supersampling=supersampling))
     share = off_proxy(compositor, camera, distances(means, mesh))
-    assert share.dtype == np.float32 and share.shape == (24, 32)
-    assert share[:, :12].max() < 0.05 and share[:, 20:].min() > 0.95
+    assert share.dtype == np.float32 and share.shape == (24, 32, 2)
+    assert share[:, :12, 0].max() < 0.05 and share[:, 20:, 0].min() > 0.95
+    np.testing.assert_allclose(share[:, 20:, 1], 34, rtol=0.02)

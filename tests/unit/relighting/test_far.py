@@ -147,8 +147,8 @@ def test_the_sun_of_a_panorama_leaves_no_disc(lit: str) -> None:
 
 def test_splats_off_the_proxy_take_the_far_factor_up_to_its_edge() -> None:
     """And those that are told to lie on it that of the surface, however near the sky."""
-    beyond = np.ones((H, W), np.float32)
-    beyond[H // 2 :] = 0
+    beyond = np.ones((H, W, 2), np.float32)
+    beyond[H // 2 :, :, 0] = 0
     found = factor(looking((0, 1, -1)), dome(EVENING), dome(DAY), beyond=beyond)
     sky, surface = (EVENING + FLOOR) / (DAY + FLOOR), (0.5 * 2 + FLOOR) / (2 + FLOOR)
     np.testing.assert_allclose(found[: H // 2, W - 2], np.broadcast_to(sky, (H // 2, 3)), rtol=1e-3)
@@ -156,6 +156,17 @@ def test_splats_off_the_proxy_take_the_far_factor_up_to_its_edge() -> None:
     number = replace(FOLLOWS, background=0.25)
     plain, told = (factor(looking((0, 1, -1)), None, dome(DAY), number, x) for x in (None, beyond))
     np.testing.assert_array_equal(plain, told)
+
+
+def test_a_proxy_that_is_too_wide_takes_nothing_of_the_sky_beside_the_thing() -> None:
+    """In the last column it covers, at depth 1, splats of which half lie off it: at it, a little and far behind it."""
+    beyond = np.full((H, W, 2), 0.5, np.float32)
+    beyond[..., 1] = np.linspace(0.5, 2, H)[:, None]
+    found = factor(looking((0, 1, -1)), dome(EVENING), dome(DAY), beyond=beyond)[:, -1]
+    sky, surface = (EVENING + FLOOR) / (DAY + FLOOR), (0.5 * 2 + FLOOR) / (2 + FLOOR)
+    near, far = np.linspace(0.5, 2, H) < 1.1, np.linspace(0.5, 2, H) > 1.3
+    np.testing.assert_allclose(found[near], surface, rtol=1e-5)
+    np.testing.assert_allclose(found[far], np.broadcast_to((sky + surface) / 2, (far.sum(), 3)), rtol=1e-3)
 
 
 @pytest.mark.parametrize("mode", ["ratio", "albedo"])

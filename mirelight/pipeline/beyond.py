@@ -6,11 +6,12 @@ surface beside them, the latter that of the sky; both are told apart by how far 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight.model import F32, Camera, ProxyMesh, triangles
+from mirelight.model import F32, Camera, ProxyMesh, SplatLayer, triangles
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -40,21 +41,26 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
     return np.maximum(away - np.sqrt(area / len(marks)), 0).astype(np.float32)
 
 
-def off_proxy(compositor: Compositor, camera: Camera, away: F32) -> F32:
-    """(H, W, 2) share of the splats seen at each pixel that lie off the proxy, and the mean view depth of those.
+def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool) -> SplatLayer:
+    """The splats as a camera sees them, with those told apart that lie off the proxy (`beyond`).
 
     Args:
         compositor: of N splats.
         camera: that sees them.
         away: (N,) their distance to the proxy.
+        depth: as for :meth:`mirelight.compositor.Compositor.composite`.
+
+    Raises:
+        RenderError: as there.
     """
-    depth = (camera.position - compositor.splats.means.astype(np.float64)) @ camera.world_from_camera[:3, 2]
-    unit = 1.0 if camera.projection == "orthographic" else np.maximum(depth, 1e-9)
+    ahead = (camera.position - compositor.splats.means.astype(np.float64)) @ camera.world_from_camera[:3, 2]
+    unit = 1.0 if camera.projection == "orthographic" else np.maximum(ahead, 1e-9)
     seen = away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height)
     t = np.clip((seen - _ON) / (_OFF - _ON), 0, 1)
     off = t * t * (3 - 2 * t)
-    values = np.stack([off, off * np.maximum(depth, 0)], axis=1).astype(np.float32)
-    layer, sums = compositor.composite_with(camera, values, depth=False)
+    values = np.stack([off, off * np.maximum(ahead, 0)], axis=1).astype(np.float32)
+    layer, sums = compositor.composite_with(camera, values, depth=depth)
     alpha = 1 - layer.transmittance
     share = np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1)
-    return np.stack([share, sums[..., 1] / np.maximum(sums[..., 0], 1e-9)], axis=-1).astype(np.float32)
+    beyond = np.stack([share, sums[..., 1] / np.maximum(sums[..., 0], 1e-9)], axis=-1)
+    return replace(layer, beyond=beyond.astype(np.float32))

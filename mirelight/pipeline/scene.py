@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +20,9 @@ from mirelight.model import (
     SplatLayer,
 )
 from mirelight.model.planes import OBJECT_MATTE
-from mirelight.pipeline import reads, requirements
+from mirelight.pipeline import beyond, reads, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache, made_once
 from mirelight.pipeline.backdrops import Backdrops, FarMaps
-from mirelight.pipeline.beyond import distances, off_proxy
 from mirelight.pipeline.codecs import ARRAY, array_of, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
@@ -270,17 +270,26 @@ class Scene(Prepared):
     def _backdrops(self) -> Backdrops:
         return Backdrops(self.job, self.resolved)
 
-    def beyond(self, camera: Camera) -> F32:
-        """(H, W, 2) share of the splats that a camera sees which lie off the proxy, and their depth."""
-        return off_proxy(self.compositor, camera, self._splat_distances)
+    def composite(self, camera: Camera) -> SplatLayer:
+        """The splats as a pinhole sees them, with all that frames of the job are made from."""
+        compositor, depth = self.compositor, requirements.wants_depth(self.job)
+        diffuse = requirements.wants_diffuse(self.job)
+        if not requirements.wants_beyond(self.job):
+            return compositor.composite(camera, depth=depth, diffuse=diffuse)
+        made = beyond.composite(compositor, camera, self._splat_distances, depth=depth)
+        matt = compositor.composite(camera, depth=False, diffuse=True).diffuse if diffuse else None
+        return replace(made, diffuse=matt)
 
     @cached_property
     def _splat_distances(self) -> F32:
         splats, mesh = self.splats, self.mesh
         assert splats is not None and mesh is not None
-        key, codec = self.keys.splat_distances, array_of((len(splats),))
-        threads = self.job.render.threads
-        return made_once(self.kept, f"distances {key[:24]}", key, codec, lambda: distances(splats.means, mesh, threads))
+        key, threads = self.keys.splat_distances, self.job.render.threads
+
+        def make() -> F32:
+            return beyond.distances(splats.means, mesh, threads)
+
+        return made_once(self.kept, f"distances {key[:24]}", key, array_of((len(splats),)), make)
 
     def far(self, lighting: Lighting) -> relighting.Far | None:
         """What a lighting and the captured light have far away, for splats there; None where frames do not ask."""

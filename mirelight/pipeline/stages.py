@@ -68,10 +68,7 @@ def composite(scene: Scene, camera: Camera) -> SplatLayer | None:
     _require("composite", scene=(scene, Scene), camera=(camera, Camera))
     if scene.job.splats is None:
         return None
-    made = scene.compositor.composite(
-        camera.pinhole, depth=requirements.wants_depth(scene.job), diffuse=requirements.wants_diffuse(scene.job)
-    )
-    return replace(made, beyond=scene.beyond(camera.pinhole)) if requirements.wants_beyond(scene.job) else made
+    return scene.composite(camera.pinhole)
 
 
 # --- light -----------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.compositor import Compositor
 from mirelight.model import Camera, CompositorSettings, ProxyMesh, SplatCloud
-from mirelight.pipeline.beyond import distances, off_proxy
+from mirelight.pipeline import beyond
 
 SQUARE = ProxyMesh(
     vertices=np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32),
@@ -21,13 +21,13 @@ def test_distances_are_those_of_a_square() -> None:
     points = np.random.default_rng(0).uniform(-3, 3, (500, 3))
     off = np.maximum(np.abs(points[:, :2]) - 1, 0)
     true = np.sqrt((off**2).sum(axis=1) + points[:, 2] ** 2)
-    found = distances(points.astype(np.float32), SQUARE)
+    found = beyond.distances(points.astype(np.float32), SQUARE)
     assert (found <= true + 1e-5).all() and (found >= true - 0.01).all()
 
 
 def test_everything_is_off_a_proxy_without_area() -> None:
     flat = ProxyMesh(vertices=np.zeros((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32))
-    assert np.isinf(distances(np.ones((2, 3), np.float32), flat)).all()
+    assert np.isinf(beyond.distances(np.ones((2, 3), np.float32), flat)).all()
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
@@ -49,7 +49,10 @@ def test_a_wall_before_a_sky(projection: str, supersampling: int) -> None:
         camera = replace(camera, projection="orthographic", fx=24 / 1.4, fy=24 / 1.4)
     mesh = ProxyMesh(vertices=SQUARE.vertices - np.float32([1, 0, 0]), faces=SQUARE.faces)
     compositor = Compositor(cloud, CompositorSettings(supersampling=supersampling))
-    share = off_proxy(compositor, camera, distances(means, mesh))
-    assert share.dtype == np.float32 and share.shape == (24, 32, 2)
+    made = beyond.composite(compositor, camera, beyond.distances(means, mesh), depth=True)
+    plain, share = compositor.composite(camera), made.beyond
+    for name in ("color", "transmittance", "depth", "median_depth"):
+        np.testing.assert_array_equal(getattr(made, name), getattr(plain, name))
+    assert share is not None and share.dtype == np.float32 and share.shape == (24, 32, 2)
     assert share[:, :12, 0].max() < 0.05 and share[:, 20:, 0].min() > 0.95
     np.testing.assert_allclose(share[:, 20:, 1], 34, rtol=0.02)

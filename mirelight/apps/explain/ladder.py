@@ -349,5 +349,8 @@ def _by_the_jobs_mode(subject: Subject, rungs: Rungs, recipe: Recipe, seed: int)
     scene, lit = _light(subject, subject.job.relight, seed)
     settings = replace(recipe.settings, mode=mode.name)
     level, far = scene.captured_level, scene.far(lit.lighting)
-    light = replace(recipe, light=lit.new, captured=lit.captured, captured_level=level, far=far)
+    splats = recipe.splats
+    if far is not None:  # which splats lie off the proxy no other rung asks
+        splats = replace(splats, beyond=scene.composite(subject.camera).beyond)
+    light = replace(recipe, splats=splats, light=lit.new, captured=lit.captured, captured_level=level, far=far)
     rungs.add("ratio", replace(light, settings=settings))

@@ -1,4 +1,8 @@
-"""Denoising by Intel Open Image Denoise, only when asked: it is biased. The noisy picture is kept beside it."""
+"""Denoising by Intel Open Image Denoise, only when asked: it is biased. The noisy picture is kept beside it.
+
+Filters eat what objects show, highlights and mirrors, but where few paths find the light, noise is worse than that. So
+objects are mixed of both, by how far either is off as the samples tell.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,9 @@ from mirelight.lighting.adaptive import window_sum
 from mirelight.model import F32, LightingBuffer, LightLayer
 
 REACH = 7  # pixels to each side over which the noisy variance is averaged
+OBJECT_REACH = 4  # the same on objects, over which the filter's error is told, too
+_INSIDE = 0.999  # coverage from which a pixel is an object's alone: the light of others goes with how much they show
+_MARGIN = 16  # pixels round objects that the filter sees
 
 # OIDN's filter sizes (OIDNQuality): the half that tells the error is a tenth worse by the middle one, in half the time.
 _BALANCED, _HIGH = 5, 6
@@ -35,6 +42,9 @@ def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
     of its own tells too little, so the noisy variance, averaged over a window, is scaled to it. None where the layers
     do not hold those halves and quarters (`RenderSettings.denoise` keeps them).
 
+    Of inserted objects the mean of denoised and noisy is taken that such halves and quarters round each pixel promise
+    the least error of, and their layers are scaled to it; edges stay noisy.
+
     A buffer is denoised after its layers are re-weighted: what a filter makes of a sum is not the sum of what it makes
     of the layers. One without layers is returned as it is.
 
@@ -50,12 +60,14 @@ def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
     parts = _Parts.of(buffer)
     with pyoidn.Device() as device:
         device.commit()
-        clean = _Denoiser(pyoidn, device, buffer)
+        clean = _Denoiser.of(pyoidn, device, buffer)
         beauty = clean(buffer.beauty)
         made = [_cleaned(x, clean) for x in buffer.layers] if layers else list(buffer.layers)
         half = clean(parts.half, _BALANCED) if parts is not None else None
+        objects = None if buffer.objects is None else _objects(buffer.objects, pyoidn, device)
     return replace(
         buffer,
+        objects=objects,
         layers=_fitted(made, beauty),
         noisy=buffer.layers,
         variance=None if parts is None or half is None else _error(buffer, parts, half),
@@ -118,28 +130,63 @@ def _error(buffer: LightingBuffer, parts: _Parts, half: F32) -> F32 | None:
     return np.asarray(around * np.float32(np.clip(after / before, 0, 1) if before > 0 else 0))
 
 
-def _mean_around(image: F32, covered: NDArray[np.bool_]) -> F32:
+def _objects(objects: LightingBuffer, pyoidn: Any, device: Any) -> LightingBuffer:
+    """Light on inserted objects, denoised as far as that lessens its error."""
+    parts, inside = _Parts.of(objects), objects.coverage > _INSIDE
+    if parts is None or objects.variance is None or not inside.any():
+        return objects
+    part = _round(inside)
+    covered, beauty = objects.coverage[part][..., None], objects.beauty
+    guides = {"albedo": objects.albedo[part] * covered, "normal": objects.normal[part] * covered}
+    clean = _Denoiser(pyoidn, device, guides, np.ones(1, np.float32), clean=objects.spp >= _CLEAN_GUIDES)
+    variance, near = objects.variance[part], inside[part]
+    half, first, second = clean(parts.half[part]), parts.quarter[part], parts.other_quarter[part]
+    weight = 1 / (half**2 + np.float32(0.01) * half[near].mean() ** 2 + np.float32(1e-30))
+    before = _mean_around(variance * weight, near, OBJECT_REACH).mean(axis=-1)
+    after = _mean_around((half - first) * (half - second) * weight, near, OBJECT_REACH).mean(axis=-1)
+    share = before / np.maximum(before + np.maximum(after, 0), np.float32(1e-30))  # of errors that are independent
+    share = np.where(near, share, 0)[..., None].astype(np.float32)
+    mixed, error = beauty.copy(), objects.variance.copy()
+    mixed[part] += share * (clean(beauty[part]) - beauty[part])
+    error[part] *= 1 - share
+    return replace(objects, layers=_fitted(list(objects.layers), mixed), variance=error)
+
+
+def _round(inside: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Rows and columns of those pixels, and of some about them."""
+    rows, columns = (np.flatnonzero(inside.any(axis=k)) for k in (1, 0))
+    sides = ((int(x[0]) - _MARGIN, int(x[-1]) + _MARGIN + 1) for x in (rows, columns))
+    top, left = (slice(max(first, 0), end) for first, end in sides)
+    return top, left
+
+
+def _mean_around(image: F32, covered: NDArray[np.bool_], reach: int = REACH) -> F32:
     """Mean over the covered pixels of a window round each, which is about what the denoiser mixes."""
-    count = np.maximum(window_sum(covered.astype(np.float64), REACH), 1)
-    sums = [window_sum(np.where(covered, image[..., c], 0).astype(np.float64), REACH) / count for c in range(3)]
+    count = np.maximum(window_sum(covered.astype(np.float64), reach), 1)
+    sums = [window_sum(np.where(covered, image[..., c], 0).astype(np.float64), reach) / count for c in range(3)]
     return np.asarray(np.where(covered[..., None], np.stack(sums, axis=-1), 0), dtype=np.float32)
 
 
 class _Denoiser:
     """One frame's guides, and the filter that uses them."""
 
-    def __init__(self, pyoidn: Any, device: Any, buffer: LightingBuffer) -> None:
-        self._pyoidn, self._device = pyoidn, device
+    def __init__(self, pyoidn: Any, device: Any, guides: dict[str, F32], scale: F32, *, clean: bool) -> None:
+        self._pyoidn, self._device, self._guides, self._scale = pyoidn, device, guides, scale
+        if not clean:
+            self._guides = {name: self._run({name: image}, _BALANCED) for name, image in guides.items()}
+
+    @classmethod
+    def of(cls, pyoidn: Any, device: Any, buffer: LightingBuffer) -> _Denoiser:
+        """For the light of the surface."""
         covered = buffer.coverage[..., None]
-        self._scale: F32 = np.ones(1, np.float32)
+        scale: F32 = np.ones(1, np.float32)
         if buffer.objects is not None:  # where an object cuts a pixel, the surface is seen as if it filled it
             there = covered > 0
             whole = np.where(there, np.minimum(covered + buffer.objects.coverage[..., None], 1), 0)
-            self._scale = np.where(there, whole / np.where(there, covered, 1), 1).astype(np.float32)
+            scale = np.where(there, whole / np.where(there, covered, 1), 1).astype(np.float32)
             covered = whole.astype(np.float32)
-        self._guides = {"albedo": buffer.albedo * covered, "normal": buffer.normal * covered}
-        if buffer.spp < _CLEAN_GUIDES:
-            self._guides = {name: self._run({name: image}, _BALANCED) for name, image in self._guides.items()}
+        guides = {"albedo": buffer.albedo * covered, "normal": buffer.normal * covered}
+        return cls(pyoidn, device, guides, scale, clean=buffer.spp >= _CLEAN_GUIDES)
 
     def __call__(self, color: F32, quality: int = _HIGH) -> F32:
         """A linear picture, (H, W, 3), denoised and not below 0."""

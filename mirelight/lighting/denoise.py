@@ -141,9 +141,11 @@ def _objects(objects: LightingBuffer, pyoidn: Any, device: Any) -> LightingBuffe
     clean = _Denoiser(pyoidn, device, guides, np.ones(1, np.float32), clean=objects.spp >= _CLEAN_GUIDES)
     variance, near = objects.variance[part], inside[part]
     half, first, second = clean(parts.half[part]), parts.quarter[part], parts.other_quarter[part]
-    weight = 1 / (half**2 + np.float32(0.01) * half[near].mean() ** 2 + np.float32(1e-30))
-    before = _mean_around(variance * weight, near, OBJECT_REACH).mean(axis=-1)
-    after = _mean_around((half - first) * (half - second) * weight, near, OBJECT_REACH).mean(axis=-1)
+    level = np.float32(max(float(np.median(half[near])), 1e-30))
+    seen, one, other = (np.log1p(np.maximum(x, 0) / level) for x in (half, first, second))  # a lamp is not all there is
+    slope = 1 / (level + half)
+    before = _mean_around(variance * slope**2, near, OBJECT_REACH).mean(axis=-1)
+    after = _mean_around((seen - one) * (seen - other), near, OBJECT_REACH).mean(axis=-1)
     share = before / np.maximum(before + np.maximum(after, 0), np.float32(1e-30))  # of errors that are independent
     share = np.where(near, share, 0)[..., None].astype(np.float32)
     mixed, error = beauty.copy(), objects.variance.copy()

@@ -28,7 +28,7 @@ from scenegen.truth import Looks, Truth
 from scipy import ndimage
 
 from bench.common import Table, least, table, truth_options
-from bench.objects_truth import Thing, bsdf, surface, things
+from bench.objects_truth import Thing, bsdf, covered_by, seen_along, surface, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
 from mirelight import estimate, prepare, proxy
@@ -56,6 +56,7 @@ T = TypeVar("T")
 Bool = NDArray[np.bool_]
 ZONES = ("changed > 1 %", "> 10 %", "contact", "not changed", "edges")
 CONTACT = 4  # px round the objects
+FINER = 32  # times the truth's samples of what mirrors show: there caustics of the low sun are rare and bright
 TAKEN = (350, 197, 8)  # pixels, as `view_size` reads pictures, and samples of each of the capture's, which are denoised
 EYE, TARGET = (0.9, 1.7, 6.2), (-1.35, 0.25, 2.4)
 
@@ -128,9 +129,20 @@ class Yard:
             scenes = Truth(self._looks, lighting), Truth(full, lighting, more)
             return np.stack([[x.picture(view, spp, seed=k)[..., :3] for k in (1, 2)] for x in scenes])
 
+        def mirrored() -> F32:
+            more = {x.name: bsdf(x) for x in self.things}
+            full = Looks(soups=[*self._looks.soups, *(s for _, s in self._soups)], surfaces=self._looks.surfaces)
+            scene = Truth(full, lighting, more)
+            return np.stack([seen_along(scene, view, pixels, FINER * spp, seed=k) for k in (1, 2)])
+
         name = f"objects.{lighting.name}.{view.width}x{view.height}.{spp}"
         parts = [(x.part.vertices, x.base, x.metallic, x.roughness) for x in self.things]
-        return Pictures.of(self._store.array(name, "true pictures", make, "scenes", (EYE, TARGET, parts)))
+        pixels = np.argwhere(np.any([covered_by(x, view) for x in self.things if x.is_mirror], axis=0))
+        made = self._store.array(name, "true pictures", make, "scenes", (EYE, TARGET, parts)).copy()
+        made[1, :, *pixels.T] = self._store.array(
+            f"{name}.mirrored", "true pictures", mirrored, "scenes", (EYE, TARGET, parts, FINER)
+        ).swapaxes(0, 1)
+        return Pictures.of(made)
 
     @cached_property
     def _true_job(self) -> Job:

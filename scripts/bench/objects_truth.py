@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scenegen.geometry import Part, lathe, place
-from scenegen.truth import Looks
+from scenegen.truth import Looks, Truth
 
 from mirelight.base.backend import mitsuba
-from mirelight.model import Material, ProxyMesh
+from mirelight.model import F32, F64, Camera, Material, ProxyMesh
 
-F64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
 DIELECTRIC = 0.04
+_AT_ONCE = 256  # samples of a pixel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +31,11 @@ class Thing:
     base: tuple[float, float, float]
     metallic: float
     roughness: float
+
+    @property
+    def is_mirror(self) -> bool:
+        """Whether what Fresnel's term leaves of white is white."""
+        return self.metallic == 1 and self.roughness == 0
 
 
 def things() -> tuple[Thing, ...]:
@@ -63,10 +69,48 @@ def surface(looks: Looks) -> ProxyMesh:
     )
 
 
+def covered_by(ball: Thing, camera: Camera) -> Bool:
+    """(H, W) pixels that a ball fills, whatever stands before it."""
+    low, high = ball.part.vertices.min(0), ball.part.vertices.max(0)
+    centre, radius = (low + high) / 2, float((high - low).min()) / 2
+    inside = np.ones((camera.height, camera.width), bool)
+    for shift in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        ways = _ways(camera, np.argwhere(np.ones_like(inside)), np.array(shift, float))
+        to = centre - camera.world_from_camera[:3, 3]
+        off = np.linalg.norm(to - (ways @ to)[:, None] * ways, axis=1).reshape(inside.shape)
+        inside &= off < radius
+    return inside
+
+
+def seen_along(scene: Truth, camera: Camera, pixels: NDArray[np.int64], spp: int, seed: int) -> F32:
+    """(N, 3) radiance of pixels (N, 2), row and column, each with so many samples."""
+    rng, total = np.random.default_rng(seed), np.zeros((len(pixels), 3))
+    for done in range(0, spp, _AT_ONCE):
+        count = min(_AT_ONCE, spp - done)
+        ways = _ways(camera, np.repeat(pixels, count, axis=0), rng.random((len(pixels) * count, 2)))
+        starts = np.broadcast_to(camera.world_from_camera[:3, 3], (len(ways), 1, 3))
+        every = np.full(len(ways), np.inf, np.float32)
+        found, _ = scene.radiance(
+            starts.astype(np.float32), ways.astype(np.float32), every, 1, seed=seed * 100_000 + done
+        )
+        total += found.reshape(len(pixels), count, 3).sum(axis=1, dtype=np.float64)
+    return np.asarray(total / spp, np.float32)
+
+
+def _ways(camera: Camera, pixels: NDArray[np.int64], within: F64) -> F64:
+    """(N, 3) unit directions through places (N, 2) or (2,) within pixels (N, 2), row and column."""
+    y, x = (pixels + within).T
+    ways = np.stack(
+        [(x - camera.width / 2) / camera.fx, (camera.height / 2 - y) / camera.fx, np.full(len(x), -1.0)], axis=-1
+    )
+    ways = ways @ camera.world_from_camera[:3, :3].T
+    return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))
+
+
 def bsdf(thing: Thing) -> Any:
     """Its look, seen from both sides."""
     mi = mitsuba()
-    if thing.metallic == 1 and thing.roughness == 0:  # what Fresnel's term leaves of white is white
+    if thing.is_mirror:
         inner = {"type": "conductor", "material": "none"}
         return mi.load_dict({"type": "twosided", "bsdf": inner})
     mi.register_bsdf("bench_gltf", _kind(mi))

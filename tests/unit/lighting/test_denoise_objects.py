@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def buffer(truth: Array, sigma: float, coverage: Array) -> LightingBuffer:
-    """That light with that noise, and the same of halves and quarters of its samples; its guides know the disc alone."""
+    """That light with that noise, and the same of halves and quarters of its samples; guides know the disc alone."""
     rng = np.random.default_rng(5)
     cover = coverage.astype(np.float32)
     first, second, third = (
@@ -74,6 +74,13 @@ def test_grain_on_matt_objects_goes() -> None:
 def test_what_mirrors_show_stays(sigma: float) -> None:
     before, after = cleaned(CHECKED, sigma, DISC * 1.0)
     assert error(after, CHECKED, DISC) < 1.3 * error(before, CHECKED, DISC)
+
+
+def test_lamps_in_mirrors_do_not_bleed() -> None:
+    truth = np.where(np.hypot(X - 0.1, Y) < 0.03, 200.0, 0.3)
+    before, after = cleaned(truth, 0.01, DISC * 1.0)
+    dark = DISC & (truth < 1)
+    assert error(after, truth, dark) < 1.5 * error(before, truth, dark)
 
 
 def test_edges_stay_as_they_were_and_nothing_is_lit_beside_objects() -> None:

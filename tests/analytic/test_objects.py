@@ -241,7 +241,7 @@ def test_light_on_objects_and_beside_them_is_kept_apart() -> None:
     np.testing.assert_array_equal(buffer.coverage + buffer.objects.coverage, 1)
     objects = buffer.objects.coverage
     inside, outside = objects == 1, objects == 0
-    np.testing.assert_array_equal(buffer.samples, np.where(outside, 16, 64))
+    np.testing.assert_array_equal(buffer.samples, np.where(outside, 16, 32))
     np.testing.assert_allclose(buffer.objects.depth[inside], 99 - CAMERA.near + CAMERA.near, rtol=1e-5)
     np.testing.assert_allclose(buffer.depth[outside], 100, rtol=1e-5)
     assert not buffer.objects.beauty[outside].any() and not buffer.beauty[inside].any()

@@ -3,7 +3,7 @@
     python scripts/bench shipped [--width 320] [--pictures DIR]
 
 Its proxy is made from the splats. Frames have half the job's pixels, so their splats are composited finer. Scored where
-the true surface is: what splats show of the sky stays as captured. Needs the extra `scenes`.
+the true surface is, and in the whole picture, with what splats show behind it. Needs the extra `scenes`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
     assert layer is not None
     capture = shown(unlit_rgba(layer))
     ways = {
-        "tint": _opened(replace(job, relight=replace(job.relight, mode="tint")), found),
+        "tint": _opened(replace(job, relight=replace(job.relight, mode="tint", background=1.0)), found),
         "as shipped": found,
         "light known": _opened(replace(job, captured=made_of.captured), found),
     }
@@ -58,6 +58,7 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
             sheet = np.concatenate([*frames, true], axis=1)
             Image.fromarray((sheet * 255 + 0.5).astype(np.uint8)).save(pictures / f"{lighting.name}.png")
         yield lighting.name, *(decibels(x[surface], true[surface]) for x in frames)
+        yield f"{lighting.name}, whole picture", *(decibels(x, true) for x in frames)
 
 
 def _opened(job: Job, like: Scene | None) -> Scene:

@@ -100,10 +100,10 @@ class FarLight:
             InputError: a map was not kept.
         """
         out = far_map(None)
-        for place in np.flatnonzero(weights.any(axis=1)):
+        for place in map(int, np.flatnonzero(weights.any(axis=1))):
             unit = self._far_maps.get(place)
             if unit is None:
-                unit = far_map(self.of(Weighted("", (), (int(place),), ((1.0, 1.0, 1.0),))))
+                unit = far_map(self.of(Weighted("", (), (place,), ((1.0, 1.0, 1.0),))))
                 self._far_maps[place] = unit
             out += weights[place] * unit
         return out

@@ -13,10 +13,10 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.base.conventions import unit
-from mirelight.model import F32, F64, Camera
+from mirelight.model import F32, Camera
 from mirelight.relighting.backdrop import blurred, with_lit_ground
 from mirelight.relighting.mode import Seen
-from mirelight.relighting.surroundings import Map, Surroundings, solid_angles
+from mirelight.relighting.surroundings import Lookup, Surroundings, solid_angles
 
 ROWS = 128  # of a far map, which is twice as wide
 _BLUR = np.radians(2.5)  # standard deviation; coarser than a map's pixels, finer than an evening's glow
@@ -67,10 +67,11 @@ class FarView:
     def __init__(self, camera: Camera, seen: Seen) -> None:
         self._shape = seen.shape
         self._where = np.flatnonzero(~seen)
-        self._way: F64 = unit(camera.rays()[1].reshape(-1, 3)[self._where]) if self._where.size else np.zeros((0, 3))
+        way = camera.rays()[1].reshape(-1, 3)[self._where] if self._where.size else np.zeros((0, 3))
+        self._look = Lookup(unit(way), ROWS)
 
     def of(self, far: F32) -> F32:
-        """(H, W, 3) radiance of a far map (h, 2h, 3) at the camera's pixels, 0 where nothing but the proxy is."""
+        """(H, W, 3) radiance of a far map (128, 256, 3) at the camera's pixels, 0 where nothing but the proxy is."""
         out = np.zeros((self._shape[0] * self._shape[1], 3), np.float32)
-        out[self._where] = Map(far, 0.0, np.ones(3)).seen(self._way)
+        out[self._where] = self._look(far)
         return out.reshape(*self._shape, 3)

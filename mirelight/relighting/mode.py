@@ -25,8 +25,13 @@ class Lit:
     @staticmethod
     def of(lighting: LightingBuffer, far: F32 | None = None) -> Lit:
         """That of a whole buffer, with a far map (128, 256, 3) beside it."""
-        surface = {"coverage": lighting.coverage, "albedo": lighting.albedo, "depth": lighting.depth}
-        return Lit(beauty=lighting.beauty, **surface, far=far)
+        return Lit(
+            beauty=lighting.beauty,
+            coverage=lighting.coverage,
+            albedo=lighting.albedo,
+            depth=lighting.depth,
+            far=far,
+        )
 
     def moved(self, by: F32) -> Lit:
         """With that much more light (h, w, 3), not below zero."""

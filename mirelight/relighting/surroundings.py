@@ -93,6 +93,32 @@ class Surroundings:
         return out.astype(np.float32)
 
 
+class Lookup:
+    """Maps of one size seen in the same directions, between pixels by bilinear interpolation.
+
+    Args:
+        way: (..., 3) unit, in the maps' own axes.
+        rows: of the maps, which are twice as wide unless `columns` says else.
+        columns: of the maps.
+    """
+
+    def __init__(self, way: Matrix, rows: int, columns: int | None = None) -> None:
+        width = columns or 2 * rows
+        x = (0.5 + np.arctan2(way[..., 2], way[..., 0]) / (2 * np.pi)) * width - 0.5
+        y = np.arccos(np.clip(way[..., 1], -1, 1)) / np.pi * rows - 0.5
+        x, y = np.round(x, 9), np.round(y, 9)  # a pixel's own centre gives that pixel, bit for bit
+        left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+        self._right_share, self._low_share = (x - left)[..., None], (y - top)[..., None]
+        self._rows = [np.clip(top + i, 0, rows - 1) for i in (0, 1)]
+        self._columns = [(left + i) % width for i in (0, 1)]
+
+    def __call__(self, radiance: F32) -> Matrix:
+        """(..., 3) of a map (rows, columns, 3)."""
+        (left, right), share, low = self._columns, self._right_share, self._low_share
+        upper, lower = (radiance[row, left] * (1 - share) + radiance[row, right] * share for row in self._rows)
+        return np.asarray(upper * (1 - low) + lower * low)
+
+
 def surroundings_of(lighting: Lighting) -> Surroundings | None:
     """What a lighting has all around, as light and no more than that: its environment and its suns. None: nothing.
 
@@ -130,17 +156,7 @@ def _looked_up(radiance: F32, way: Matrix) -> Matrix:
     height, width, _ = radiance.shape
     if (height, width) == (1, 1):
         return np.asarray(np.broadcast_to(radiance[0, 0].astype(np.float64), way.shape))
-    x = (0.5 + np.arctan2(way[..., 2], way[..., 0]) / (2 * np.pi)) * width - 0.5
-    y = np.arccos(np.clip(way[..., 1], -1, 1)) / np.pi * height - 0.5
-    x, y = np.round(x, 9), np.round(y, 9)  # a pixel's own centre gives that pixel, bit for bit
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    right_share, low_share = (x - left)[..., None], (y - top)[..., None]
-    rows = [np.clip(top + i, 0, height - 1) for i in (0, 1)]
-    columns = [(left + i) % width for i in (0, 1)]
-    upper, lower = (
-        radiance[row, columns[0]] * (1 - right_share) + radiance[row, columns[1]] * right_share for row in rows
-    )
-    return np.asarray(upper * (1 - low_share) + lower * low_share)
+    return Lookup(way, height, width)(radiance)
 
 
 def _draw(out: Matrix, to_sun: Matrix, sun: Sun) -> None:

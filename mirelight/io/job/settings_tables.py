@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from mirelight import model
 from mirelight.base.primaries import ColorSpace
@@ -129,9 +129,16 @@ def _number_or_word(value: Any) -> str:
     return "type=word" if isinstance(value, str) else "type=number"
 
 
+def _known_word(value: Any) -> Any:
+    if isinstance(value, str) and value != "environment":
+        raise wrong(shown(value), 'give a number, or "environment"')
+    return value
+
+
 FarFactor: TypeAlias = Annotated[
     Annotated[NotNegative, Tag("type=number")] | Annotated[Literal["environment"], Tag("type=word")],
     Discriminator(_number_or_word),
+    BeforeValidator(_known_word),
 ]
 
 

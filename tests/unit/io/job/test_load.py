@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -615,3 +616,12 @@ def test_resolution_scale(write_job: WriteJob) -> None:
     assert (half.fx / whole.fx, half.cx / whole.cx) == (0.5, 0.5)
     (tiny, _) = cameras(write_job(SCENE), "resolution_scale=0.0001")
     assert (tiny.width, tiny.height) == (1, 1)
+
+
+@pytest.mark.parametrize(("value", "said"), [("sky", "'sky'; give a number, or \"environment\""), ("-1", "at least 0")])
+def test_a_background_factor_is_a_number_or_the_environment(value: str, said: str) -> None:
+    written = Path(__file__).resolve().parents[4] / "scenes" / "plinth" / "job.toml"
+    assert mirelight.load(written, ["relight.background=environment"]).relight.follows_sky
+    assert mirelight.load(written, ["relight.background=0.5"]).relight.far_number == 0.5
+    with pytest.raises(InputError, match=re.escape(said)):
+        mirelight.load(written, [f"relight.background={value}"])

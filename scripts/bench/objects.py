@@ -248,14 +248,12 @@ class Yard:
 
     def costs(self, lighting: Lighting) -> Iterator[tuple[str, str, str]]:
         """CPU time of a trace with the objects over that of one without, and how much of the picture shows them."""
-
         scene = prepare(self._as(self._job, lighting, whole=True), self._kept)
-        new = scene.job.lightings[0]
-        tracers = scene.tracer, SceneWithObjects(scene, scene.job.objects).tracer
-        bare, full = (least(lambda x=x: x.trace(new, self.camera), 3) for x in tracers)
-        light = tracers[1].trace(new, self.camera)
+        new, bare, full = scene.job.lightings[0], scene.tracer, SceneWithObjects(scene, scene.job.objects).tracer
+        spent = least(lambda: full.trace(new, self.camera), 3) / least(lambda: bare.trace(new, self.camera), 3)
+        light = full.trace(new, self.camera)
         assert light.objects is not None
-        yield lighting.name, "CPU time with three objects / without", f"{full / bare:.2f}"
+        yield lighting.name, "CPU time with three objects / without", f"{spent:.2f}"
         yield lighting.name, "share of pixels that show them", f"{(light.objects.coverage > 0).mean():.3f}"
 
     def bounced(self, lighting: Lighting) -> Iterator[tuple[str, str, str]]:

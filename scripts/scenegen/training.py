@@ -59,7 +59,13 @@ def exposed(lighting: Lighting, stops: float) -> Lighting:
 def known(cameras: Sequence[Camera], how: Shooting) -> tuple[Camera, ...]:
     """The cameras as they are known: at the pictures' size, turned away from the true ones by the noise of poses."""
     rng = np.random.default_rng(11)
-    return tuple(_turned(x.resized(*how.size), how.pose_noise * rng.normal(size=2)) for x in cameras)
+    return tuple(_turned(_sized(x, how.size), how.pose_noise * rng.normal(size=2)) for x in cameras)
+
+
+def _sized(camera: Camera, size: tuple[int, int]) -> Camera:
+    """With pictures of that size, as high a view and square pixels, which is all that Mitsuba's cameras have."""
+    height = camera.resized(camera.width * size[1] // camera.height, size[1])
+    return replace(height, width=size[0], fx=height.fy, cx=size[0] / 2)
 
 
 def _turned(camera: Camera, pixels: F64) -> Camera:
@@ -89,7 +95,7 @@ def shots(truth: Truth, lighting: Lighting, cameras: Sequence[Camera], how: Shoo
     stops = how.exposure_noise * np.random.default_rng(13).normal(size=len(cameras))
     made = []
     for k, (camera, more) in enumerate(zip(cameras, stops, strict=True)):
-        small = camera.resized(*how.size)
+        small = _sized(camera, how.size)
         image = truth.photograph(small, how.spp, seed=100 + k)
         light = image[..., :3]
         if how.sky and lighting.environment is not None:

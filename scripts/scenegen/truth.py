@@ -211,6 +211,8 @@ class Truth:
 
     def _rendered(self, integrator: Any, camera: Camera, spp: int, seed: int) -> F32:
         mi = self._mi
+        if not np.isclose(camera.fx, camera.fy, rtol=1e-3):
+            raise ValueError(f"camera {camera.name!r} has pixels that are not square, and Mitsuba's have no others")
         to_world = camera.world_from_camera @ np.diag([-1.0, 1.0, -1.0, 1.0])
         sensor = mi.load_dict(
             {

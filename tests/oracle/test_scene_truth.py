@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scenegen import training
 from scenegen.geometry import Soup
 from scenegen.textures import Surface
 from scenegen.truth import Looks, Truth
@@ -43,3 +44,40 @@ def test_sun_of_the_truth_shines_from_one_direction_all_over_a_scene(x: float) -
     across = (np.arange(128) + 0.5) / 128 * 3.0 - 1.5  # metres on the wall, from the middle of the picture
     shade = np.where(dark > 0.2, dark, 0)  # without the noise and the light that comes back
     assert np.sum(shade * across) / shade.sum() == pytest.approx(0, abs=0.01)
+
+
+def _scene() -> tuple[Looks, Lighting]:
+    """A square beside the middle, lit from the front."""
+    square = _square(0.6, 0, 0.5)
+    soup = Soup(
+        positions=square,
+        normals=np.broadcast_to([0.0, 0.0, 1.0], square.shape).copy(),
+        uvs=np.zeros((len(square), 3, 2)),
+        material="chalk",
+        solid=True,
+    )
+    looks = Looks(soups=[soup], surfaces={"chalk": Surface(texture=np.full((2, 2, 3), 0.5, np.float32))})
+    sun = SunLight(name="sun", direction=np.array([0.0, 0, -1]), color=np.ones(3), intensity=3, angular_diameter=0.5)
+    return looks, Lighting(name="sun", lights=(sun,))
+
+
+@pytest.mark.parametrize("size", [(96, 54), (54, 54)])
+def test_pictures_show_things_where_their_cameras_have_them(size: tuple[int, int]) -> None:
+    looks, lighting = _scene()
+    wide = Camera.look_at((0, 0, 3), (0, 0, 0), 96, 54, yfov=50)
+    how = training.Shooting(size=size)
+
+    (shown,) = training.shots(Truth(looks, lighting), lighting, [wide], how)
+    (camera,) = training.known([wide], how)
+
+    assert shown.shape[:2] == (camera.height, camera.width)
+    share = shown[..., 0] / shown.max()
+    middle = [np.sum(share * x) / share.sum() + 0.5 for x in np.meshgrid(*map(np.arange, size))]
+    across = np.sqrt(share.sum())  # px, of the square's sides
+    assert middle == pytest.approx([camera.cx + camera.fx * 0.6 / 3, camera.cy], abs=0.1)
+    assert across == pytest.approx(camera.fy / 3, rel=0.05)
+
+
+def test_pixels_that_are_not_square_are_refused() -> None:
+    with pytest.raises(ValueError, match="not square"):
+        Truth(*_scene()).picture(Camera.look_at((0, 0, 3), (0, 0, 0), 96, 54, yfov=50).resized(54, 54), 1)

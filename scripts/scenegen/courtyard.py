@@ -114,6 +114,6 @@ def recipe() -> Recipe:
         orbit=(front, fountain, *orbit),
         pixels_per_splat=2.25,
         spacing=(0.010, 0.055),
-        proxy_faces=48_000,
-        proxy_error=0.008,
+        proxy_faces=90_000,
+        proxy_error=0.004,
     )

@@ -143,8 +143,8 @@ def _objects(objects: LightingBuffer, pyoidn: Any, device: Any) -> LightingBuffe
     half, first, second = clean(parts.half[part]), parts.quarter[part], parts.other_quarter[part]
     level = np.float32(max(float(np.median(half[near])), 1e-30))
     seen, one, other = (np.log1p(np.maximum(x, 0) / level) for x in (half, first, second))  # a lamp is not all there is
-    slope = 1 / (level + half)
-    before = _mean_around(variance * slope**2, near, OBJECT_REACH).mean(axis=-1)
+    slope = np.asarray(1 / (level + half), dtype=np.float32)
+    before = _mean_around(np.asarray(variance * slope**2, dtype=np.float32), near, OBJECT_REACH).mean(axis=-1)
     after = _mean_around((seen - one) * (seen - other), near, OBJECT_REACH).mean(axis=-1)
     share = before / np.maximum(before + np.maximum(after, 0), np.float32(1e-30))  # of errors that are independent
     share = np.where(near, share, 0)[..., None].astype(np.float32)

@@ -36,9 +36,9 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
     area = float(triangles.areas(corners).sum())
     if not area > 0:
         return np.full(len(points), np.inf, np.float32)
-    marks = spread(mesh.vertices.astype(np.float64), mesh.faces, _MARKS)
+    marks = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), _MARKS)
     away, _ = cKDTree(marks).query(points.astype(np.float64), workers=threads or -1)
-    return np.maximum(away - np.sqrt(area / len(marks)), 0).astype(np.float32)
+    return np.asarray(np.maximum(away - np.sqrt(area / len(marks)), 0), dtype=np.float32)
 
 
 def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool) -> SplatLayer:

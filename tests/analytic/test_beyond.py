@@ -40,14 +40,14 @@ def test_a_wall_before_a_sky(projection: str, supersampling: int) -> None:
     cloud = SplatCloud(
         means=means,
         quats=np.tile(np.array([1, 0, 0, 0], np.float32), (len(means), 1)),
-        scales=np.repeat(np.float32([0.05, 0.4]), len(x))[:, None].repeat(3, axis=1),
+        scales=np.repeat(np.array([0.05, 0.4], np.float32), len(x))[:, None].repeat(3, axis=1),
         opacities=np.full(len(means), 0.9, np.float32),
         sh=np.zeros((len(means), 1, 3), np.float32),
     )
     camera = Camera.look_at((0, 0, 4), (0, 0, 0), 32, 24, yfov=20)
     if projection == "orthographic":
         camera = replace(camera, projection="orthographic", fx=24 / 1.4, fy=24 / 1.4)
-    mesh = ProxyMesh(vertices=SQUARE.vertices - np.float32([1, 0, 0]), faces=SQUARE.faces)
+    mesh = ProxyMesh(vertices=SQUARE.vertices - np.array([1, 0, 0], np.float32), faces=SQUARE.faces)
     compositor = Compositor(cloud, CompositorSettings(supersampling=supersampling))
     made = beyond.composite(compositor, camera, beyond.distances(means, mesh), depth=True)
     plain, share = compositor.composite(camera), made.beyond

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -26,9 +28,8 @@ def buffer(truth: Array, sigma: float, coverage: Array) -> LightingBuffer:
         ((truth + rng.normal(0, 2 * sigma * s, truth.shape)) * coverage)[..., None].repeat(3, -1).astype(np.float32)
         for s in (0.5**0.5, 1, 1)
     )
-    mean = first / 2 + second / 4 + third / 4
-    dark = np.zeros_like(mean)
-    normal = np.zeros_like(mean)
+    mean = np.asarray(first / 2 + second / 4 + third / 4, dtype=np.float32)
+    dark, normal = np.zeros(mean.shape, np.float32), np.zeros(mean.shape, np.float32)
     normal[..., 2] = coverage > 0
     layer = LightLayer(name="sky", direct=mean, indirect=dark, half=first, quarter=second, other_quarter=third)
     camera = Camera.look_at((0, 0, 1), (0, 0, 0), SIZE, SIZE, yfov=40, name="front")
@@ -40,8 +41,8 @@ def buffer(truth: Array, sigma: float, coverage: Array) -> LightingBuffer:
         position=dark,
         normal=normal,
         geometric_normal=normal,
-        albedo=np.full_like(mean, 0.5) * (cover > 0)[..., None],
-        variance=np.full_like(mean, sigma**2) * cover[..., None],
+        albedo=np.where((cover > 0)[..., None], np.full(mean.shape, 0.5, np.float32), np.float32(0)),
+        variance=np.full(mean.shape, sigma**2, np.float32) * cover[..., None],
         spp=64,
     )
 
@@ -49,13 +50,9 @@ def buffer(truth: Array, sigma: float, coverage: Array) -> LightingBuffer:
 def cleaned(truth: Array, sigma: float, coverage: Array) -> tuple[LightingBuffer, LightingBuffer]:
     """Objects with that light before and after, beside a surface that has none."""
     objects = buffer(truth, sigma, coverage)
-    made = denoise(LightingBuffer(**{**_fields(buffer(truth, sigma, 1 - coverage)), "objects": objects})).objects
+    made = denoise(replace(buffer(truth, sigma, 1 - coverage), objects=objects)).objects
     assert made is not None
     return objects, made
-
-
-def _fields(one: LightingBuffer) -> dict[str, object]:
-    return {name: getattr(one, name) for name in LightingBuffer.__dataclass_fields__}
 
 
 def error(found: LightingBuffer, truth: Array, where: NDArray[np.bool_]) -> float:

@@ -390,9 +390,9 @@ def test_a_sky_to_be_followed_is_in_the_frames_keys() -> None:
     assert different(ROOM, follows) == FILES | UNLIT
     for job in (ROOM, follows):
         assert ("composite" in different(job, replace(job, proxy=mesh(0.4)))) == (job is follows)
-    for around in ("lightings", "captured"):
-        new = replace(ROOM.lightings[0] if around == "lightings" else CAPTURED, environment=sky(2.0))
-        assert different(follows, replace(follows, **{around: (new,) if around == "lightings" else new})) >= FILES
+    lit, captured = (replace(x, environment=sky(2.0)) for x in (ROOM.lightings[0], CAPTURED))
+    for other in (replace(follows, lightings=(lit,)), replace(follows, captured=captured)):
+        assert different(follows, other) >= FILES
 
 
 def test_what_stands_behind_unlit_frames_is_in_their_files_keys() -> None:

@@ -29,8 +29,8 @@ def fog_of(views: Sequence[DepthMap]) -> float:
 
 
 def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: float) -> DepthMap:
-    """The view with the pixels that lie on planes moved onto them; they count in full. What surely stands before a
-    plane stays there, though its colours are the plane's. Others of less trust than `fog` show no surface."""
+    """The view with the pixels that lie on planes moved onto them; they count in full. Others of less trust than `fog`
+    show no surface."""
     from scipy.ndimage import binary_fill_holes
 
     _, directions = rays(view.camera)
@@ -39,9 +39,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: floa
     solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
     for k, flat in enumerate(flats):
-        before = (depths[k] - view.depth) * np.abs((directions * flat.normal).sum(axis=-1))
-        stands = (view.trust > TUNING.label_sure) & (view.depth > 0) & (before > tolerance)
-        on = (label == k) & (depths[k] > 0) & solid & ~stands
+        on = (label == k) & (depths[k] > 0) & solid
         depth[on] = depths[k][on]
         side = -np.sign((directions[on] * flat.normal).sum(axis=-1))
         normal[on] = side[:, None] * flat.normal

@@ -328,7 +328,6 @@ class Tuning:
     # what lying on a plane costs (`labels`)
     label_out: float = 1.6  # of a plane where it has no cell
     label_turned: float = 0.3  # 1 - cosine between a pixel's normal and the plane's that costs in full
-    label_sure: float = 0.9  # trust from which a pixel before a plane stays: 0.3 dB in the bench's room
     label_rounds: int = 3  # of finding where a ray meets a ground that is not flat
     label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
 

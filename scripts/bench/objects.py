@@ -320,11 +320,12 @@ def _clean(picture: F32, surface: F32) -> F32:
     import pyoidn  # type: ignore[import-untyped]
 
     out = np.zeros_like(picture[..., :3])
-    guides = {"color": picture[..., :3], "albedo": surface[..., :3], "normal": surface[..., 3:]}
+    shown = {"color": picture[..., :3], "albedo": surface[..., :3], "normal": surface[..., 3:]}
+    images = {name: np.array(x, np.float32) for name, x in shown.items()} | {"output": out}  # pyoidn keeps none of them
     with pyoidn.Device() as device:
         device.commit()
         with pyoidn.Filter(device, "RT") as run:
-            for name, image in ({k: np.array(x, np.float32) for k, x in guides.items()} | {"output": out}).items():
+            for name, image in images.items():
                 run.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
             run.set_bool("hdr", True)
             run.commit()

@@ -34,9 +34,7 @@ TILE = 6  # log2 of the side of a tile of pixels that share a sequence
 FIRST_RAYS = 8  # a power of two: from a camera's hit where light is read, to each source that needs many
 INDEX_BITS = 32 - 3  # of a sample's number in its sequence, times those rays
 AGAIN = 0x6A09E667  # between the seeds of first and second samples
-OBJECTS = (
-    2  # times the samples, of pixels that show inserted objects: these are few, and filters clean some of them alone
-)
+OBJECTS = 2  # times the samples, of pixels that show inserted objects: few, and filters clean some of them alone
 EDGES = 8  # the same of those that show them in part: there a few samples have to tell the light on both
 ROUND = 0x3C6EF35F  # between the seeds of their rounds
 

@@ -69,22 +69,11 @@ def apply(
         _same_view(splats.camera, lighting)
         if old is not None:
             _same_view(splats.camera, old)
-        size = splats.camera.height, splats.camera.width
 
         def factor_of(new: Lit, captured: Lit | None) -> F32:
             if far is not None and captured is not None:
                 new, captured = replace(new, far=far.new), replace(captured, far=far.captured)
-            task = Task(
-                size=size,
-                unlit=unlit,
-                new=new,
-                captured=captured,
-                captured_level=captured_level,
-                settings=settings,
-                camera=splats.camera,
-                beyond=splats.beyond,
-            )
-            return blended(mode.factor(task), settings.blend)
+            return blended(mode.factor(_task(splats, unlit, new, captured, captured_level, settings)), settings.blend)
 
         if settings.blend > 0:
             factor = factor_of(Lit.of(lighting), None if old is None else Lit.of(old))
@@ -148,23 +137,29 @@ def relighter(
     old = captured if mode.needs_captured else None
     if settings.blend == 0:
         return lambda beauty, objects, mirrored, far: finished(unlit, np.ones((*size, 3), np.float32), objects, None)
-    task = Task(
-        size=size,
-        unlit=unlit,
-        new=surface,
-        captured=old,
-        captured_level=captured_level,
-        settings=settings,
-        camera=composite.camera,
-        beyond=composite.beyond,
-    )
-    made = mode.prepared(task)
+    made = mode.prepared(_task(composite, unlit, surface, old, captured_level, settings))
 
     def relit(beauty: F32, objects: F32 | None, mirrored: F32 | None, far: F32 | None) -> F32:
         factor = blended(made(beauty, far), settings.blend)
         return finished(multiplied(composite, unlit, factor, settings), factor, objects, mirrored)
 
     return relit
+
+
+def _task(
+    splats: SplatLayer, unlit: F32, new: Lit, captured: Lit | None, level: float | None, settings: RelightSettings
+) -> Task:
+    """A composite's, `unlit` (H, W, 4) it as captured, and the captured light's `level`, as modes take it."""
+    return Task(
+        size=(splats.camera.height, splats.camera.width),
+        unlit=unlit,
+        new=new,
+        captured=captured,
+        captured_level=level,
+        settings=settings,
+        camera=splats.camera,
+        beyond=splats.beyond,
+    )
 
 
 def covered(relit: F32, factor: F32 | None, front: SplatLayer | None, objects: F32, settings: RelightSettings) -> F32:

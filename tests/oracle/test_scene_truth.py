@@ -21,9 +21,8 @@ def _square(x: float, z: float, half: float) -> NDArray[np.float64]:
     return np.array([[a, b, c], [a, c, d]])
 
 
-@pytest.mark.parametrize("x", [-8.0, 0.0, 8.0])
-def test_sun_of_the_truth_shines_from_one_direction_all_over_a_scene(x: float) -> None:
-    squares = np.concatenate([_square(0, 0, 20), _square(x, AWAY, 0.5)])
+def _chalk(squares: NDArray[np.float64]) -> Looks:
+    """Triangles (F, 3, 3) that face +Z, half as bright as the light on them."""
     soup = Soup(
         positions=squares,
         normals=np.broadcast_to([0.0, 0.0, 1.0], squares.shape).copy(),
@@ -31,7 +30,13 @@ def test_sun_of_the_truth_shines_from_one_direction_all_over_a_scene(x: float) -
         material="chalk",
         solid=True,
     )
-    looks = Looks(soups=[soup], surfaces={"chalk": Surface(texture=np.full((2, 2, 3), 0.5, np.float32))})
+    return Looks(soups=[soup], surfaces={"chalk": Surface(texture=np.full((2, 2, 3), 0.5, np.float32))})
+
+
+@pytest.mark.parametrize("x", [-8.0, 0.0, 8.0])
+def test_sun_of_the_truth_shines_from_one_direction_all_over_a_scene(x: float) -> None:
+    squares = np.concatenate([_square(0, 0, 20), _square(x, AWAY, 0.5)])
+    looks = _chalk(squares)
     sun = SunLight(
         name="sun", direction=np.array([-1.0, 0, -1]) / np.sqrt(2), color=np.ones(3), intensity=1, angular_diameter=0.5
     )
@@ -48,15 +53,7 @@ def test_sun_of_the_truth_shines_from_one_direction_all_over_a_scene(x: float) -
 
 def _scene() -> tuple[Looks, Lighting]:
     """A square beside the middle, lit from the front."""
-    square = _square(0.6, 0, 0.5)
-    soup = Soup(
-        positions=square,
-        normals=np.broadcast_to([0.0, 0.0, 1.0], square.shape).copy(),
-        uvs=np.zeros((len(square), 3, 2)),
-        material="chalk",
-        solid=True,
-    )
-    looks = Looks(soups=[soup], surfaces={"chalk": Surface(texture=np.full((2, 2, 3), 0.5, np.float32))})
+    looks = _chalk(_square(0.6, 0, 0.5))
     sun = SunLight(name="sun", direction=np.array([0.0, 0, -1]), color=np.ones(3), intensity=3, angular_diameter=0.5)
     return looks, Lighting(name="sun", lights=(sun,))
 

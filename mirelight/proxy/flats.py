@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64, triangles
 from mirelight.proxy.depth import DepthMap, pixels_of, points_of
+from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import rays, turned
@@ -113,10 +114,13 @@ def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[F
     low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
     tolerance = TUNING.plane_tolerance * spacing
     found = _planes(points, tolerance)
-    return [
-        _confirmed(_seen(normal, offset, points, rows, spacing, low, high), views, tolerance)
-        for normal, offset, rows in found
-    ]
+    order = sorted(range(len(found)), key=lambda k: _lean(points, *found[k]))
+    square = dict(zip(order, squared([found[k][0] for k in order]), strict=True))
+    out = []
+    for k, (normal, offset, rows) in enumerate(found):
+        plane = _squared(points, rows, (normal, offset), square[k], tolerance)
+        out.append(_confirmed(_seen(*plane, points, rows, spacing, low, high), views, tolerance))
+    return out
 
 
 def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
@@ -172,6 +176,29 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
         normal = thin * np.sign((thin * normal).sum())
         offset = float((middle * normal).sum())
     return normal, offset
+
+
+def _lean(points: Points, normal: F64, offset: float, rows: Int) -> float:
+    """By about how many radians a plane may lean: how far its points lie off it, to how far along it they reach."""
+    at, weight = points.at[rows], points.weight[rows] / points.weight[rows].sum()
+    off = (at * normal).sum(axis=1) - offset
+    along = turned_to(at, _axes(normal))
+    along = along - (along * weight[:, None]).sum(axis=0)
+    spread = [[float((along[:, i] * along[:, j] * weight).sum()) for j in range(2)] for i in range(2)]
+    return float(np.sqrt((weight * off**2).sum() / max(np.linalg.eigvalsh(np.array(spread))[0], 1e-30)))
+
+
+def _squared(points: Points, rows: Int, plane: tuple[F64, float], normal: F64, tolerance: float) -> tuple[F64, float]:
+    """A plane turned to another normal; as it is where that leaves too many of its points off it."""
+    if np.array_equal(normal, plane[0]):
+        return plane
+    along, weight = (points.at[rows] * normal).sum(axis=1), points.weight[rows]
+    offset = float((along * weight).sum() / weight.sum())
+    for _ in range(TUNING.flat_rounds):
+        own = weight * np.clip(1 - ((along - offset) / (1.5 * tolerance)) ** 2, 0, 1) ** 2
+        offset = float((along * own).sum() / max(own.sum(), 1e-30))
+    held = float(weight[np.abs(along - offset) < tolerance].sum())
+    return (normal, offset) if held > TUNING.plane_square_held * float(weight.sum()) else plane
 
 
 def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> Int:

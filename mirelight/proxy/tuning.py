@@ -60,6 +60,8 @@ class Tuning:
     plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
     plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24
     plane_most: int = 24  # planes
+    plane_square: float = 3.0  # degrees off a right angle, or off parallel: walls that lean by 1.7 stand upright
+    plane_square_held: float = 0.5  # of a plane, that must lie on it when it is turned: else it does lean
     plane_cell: float = 2.0  # side of the cells that tell where a plane is
 
     # windows (`openings`)

@@ -11,6 +11,7 @@ from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import flats_of
 from mirelight.proxy.labels import flattened, fog_of
+from mirelight.proxy.squared import squared
 from mirelight.proxy.views import rays
 
 SPACING = 0.05
@@ -48,3 +49,57 @@ def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:
     (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
     kept = np.abs(flattened(sky, [floor], SPACING, fog).depth - seen.depth)[10:-10, 10:40] < 0.02
     assert kept.mean() > 0.95
+
+
+def plinthed(x: float) -> DepthMap:
+    """A floor, and a wall behind it whose lower part stands 0.06 nearer."""
+    camera = Camera.look_at((x, 1.2, 3.0), (0, 1, -2), 160, 120, yfov=50)
+    origins, ways = rays(camera)
+    floor = np.where(ways[..., 1] < 0, -origins[..., 1] / np.minimum(ways[..., 1], -1e-9), np.inf)
+    low, high = ((z - origins[..., 2]) / ways[..., 2] for z in (-1.94, -2.0))
+    wall = np.where((origins + ways * low[..., None])[..., 1] < 1.0, low, high)
+    depth = np.minimum(floor, wall)
+    normal = np.where((floor < wall)[..., None], [0.0, 1, 0], [0.0, 0, 1])
+    one = np.ones(depth.shape, np.float32)
+    color = np.zeros((*depth.shape, 3), np.float32)
+    return DepthMap(camera, color, one, depth.astype("f4"), normal.astype("f4"), 0 * one, one)
+
+
+def test_a_wall_with_a_plinth_stands_upright() -> None:
+    """A plane through both parts leans by about a degree."""
+    flats = flats_of([plinthed(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
+    floor, wall = (max(flats, key=lambda flat: abs(flat.normal[k])) for k in (1, 2))
+    assert abs(floor.normal @ wall.normal) < 1e-9
+    np.testing.assert_allclose(np.abs(wall.normal), [0, 0, 1], atol=1e-3)
+    assert 1.93 < abs(wall.offset) < 2.01
+
+
+def test_planes_stand_at_right_angles_where_they_nearly_do() -> None:
+    def way(*angles: float) -> np.ndarray:
+        """Out of z, turned about x and then about y, degrees."""
+        a, b = np.radians(angles)
+        return np.array([np.sin(b) * np.cos(a), np.sin(a), np.cos(b) * np.cos(a)])
+
+    floor, leaning, behind, roof = way(90.0, 0), way(1.7, 0.0), way(-2.0, 181.0), way(40.0, 0.0)
+    out = squared([floor, leaning, behind, roof])
+    np.testing.assert_allclose(out[:3], [[0, 1, 0], [0, 0, 1], [0, 0, -1]], atol=1e-9)
+    np.testing.assert_allclose(out[3], roof)  # 40 degrees from the wall
+
+
+def test_a_wall_that_leans_stays() -> None:
+    """By 2 degrees over 3 metres, 60 spacings: upright, most of it would stand off itself."""
+
+    def leaning(x: float) -> DepthMap:
+        camera = Camera.look_at((x, 1.2, 3.0), (0, 1, -2), 160, 120, yfov=50)
+        origins, ways = rays(camera)
+        up, out = np.sin(np.radians(2)), np.cos(np.radians(2))
+        floor = np.where(ways[..., 1] < 0, -origins[..., 1] / np.minimum(ways[..., 1], -1e-9), np.inf)
+        wall = -(origins @ [0, up, out] + 2) / (ways @ [0, up, out])
+        normal = np.where((floor < wall)[..., None], [0.0, 1, 0], [0.0, up, out])
+        one = np.ones(wall.shape, np.float32)
+        color = np.zeros((*wall.shape, 3), np.float32)
+        return DepthMap(camera, color, one, np.minimum(floor, wall).astype("f4"), normal.astype("f4"), 0 * one, one)
+
+    flats = flats_of([leaning(x) for x in (-1.0, 0.0, 1.0)], SPACING / 2, 10.0)
+    wall = max(flats, key=lambda flat: abs(flat.normal[2]))
+    assert abs(wall.normal[1]) == pytest.approx(np.sin(np.radians(2)), abs=2e-3)

@@ -19,6 +19,7 @@ from mirelight.model import F32, Camera, LightingBuffer, LightLayer, planes
 CELL_BYTES = 320  # of a layer: two halves direct and indirect, their film, means and differences on host and device
 PLACE_BYTES = 512  # of a place where cells are looked for: on device and host, sorted and sorted again
 RAY_BYTES = 20  # of a ray between cells: where it ends and the albedo there, on host and device, and while it is made
+_TRACED = 'set render.indirect = "traced"'
 SURFACE = 1 + sum(plane.width for plane in planes.SURFACE)  # floats a pixel: hits, then the table's surface AOVs
 
 
@@ -204,14 +205,14 @@ def refuse_if_too_large(
     values = 6 * len(layers.names) * pixels  # of the film's largest array, which 32 bits must count
     of_layer = 10 + (6 + 9 if parts else 0)  # film; for the denoiser two sums more, and three means
     needed = 4 * pixels * (of_layer * len(layers.names) + 3 + 2 * SURFACE + 16)  # AOVs once more, working memory
-    allowed, found = _allowed(needed, most)
-    if needed > allowed or max(values, 3 * pixels) >= 2**32:
-        raise RenderError(
-            f"lighting of {camera.width} x {camera.height} pixels in {len(layers.names)} layers needs "
-            f"{_size(needed)} and {found}; "
-            "give lights a group to share a layer, leave layers out (output.layers = false with "
-            'output.store = "frames"), or set texture_scale below 1'
-        )
+    _refuse(
+        f"lighting of {camera.width} x {camera.height} pixels in {len(layers.names)} layers needs",
+        needed,
+        most,
+        "give lights a group to share a layer, leave layers out (output.layers = false with "
+        'output.store = "frames"), or set texture_scale below 1',
+        countable=max(values, 3 * pixels) < 2**32,
+    )
 
 
 def refuse_if_too_many(cells: int, layers: int, most: int | None = None) -> None:
@@ -225,13 +226,8 @@ def refuse_if_too_many(cells: int, layers: int, most: int | None = None) -> None
     Raises:
         RenderError: says the size needed.
     """
-    needed = CELL_BYTES * cells * max(layers, 1)
-    allowed, found = _allowed(needed, most)
-    if needed > allowed:
-        raise RenderError(
-            f"light of {layers} layers on {cells:,} pieces of the surface needs {_size(needed)} and {found}; "
-            'give lights a group to share a layer, or set render.indirect = "traced"'
-        )
+    what = f"light of {layers} layers on {cells:,} pieces of the surface needs"
+    _refuse(what, CELL_BYTES * cells * max(layers, 1), most, f"give lights a group to share a layer, or {_TRACED}")
 
 
 def refuse_if_too_many_places(places: int, most: int | None = None) -> None:
@@ -244,13 +240,8 @@ def refuse_if_too_many_places(places: int, most: int | None = None) -> None:
     Raises:
         RenderError: says the size needed.
     """
-    needed = PLACE_BYTES * places
-    allowed, found = _allowed(needed, most)
-    if needed > allowed:
-        raise RenderError(
-            f"finding the pieces of the surface that light is kept on takes {places:,} places, which need "
-            f'{_size(needed)}, and {found}; set render.indirect = "traced"'
-        )
+    what = f"finding the pieces of the surface that light is kept on takes {places:,} places, which need"
+    _refuse(what, PLACE_BYTES * places, most, _TRACED)
 
 
 def refuse_if_too_many_rays(rays: int, most: int | None = None) -> None:
@@ -263,32 +254,23 @@ def refuse_if_too_many_rays(rays: int, most: int | None = None) -> None:
     Raises:
         RenderError: says the size needed.
     """
-    needed = RAY_BYTES * rays
-    allowed, found = _allowed(needed, most)
-    if needed > allowed:
-        raise RenderError(
-            f"{rays:,} rays between pieces of the surface need {_size(needed)} and {found}; "
-            'set render.indirect = "traced"'
-        )
+    _refuse(f"{rays:,} rays between pieces of the surface need", RAY_BYTES * rays, most, _TRACED)
 
 
-def _allowed(needed: int, most: int | None) -> tuple[int, str]:
-    """(bytes that may be taken, a clause that says so)."""
-    if most is not None:
-        return most, f"{_size(most)} may be used (render.max_memory)"
-    free = free_memory()
-    if needed > free:
-        free = _freed()
-    return free, f"{_size(free)} are free"
+def _refuse(what: str, needed: int, most: int | None, remedy: str, *, countable: bool = True) -> None:
+    """Stop where bytes that are needed are more than `most`, or than are free once Dr.Jit has given back what it keeps
+    for later; or where 32 bits do not count them."""
+    allowed, found = most, "may be used (render.max_memory)"
+    if allowed is None:
+        allowed, found = free_memory(), "are free"
+        if needed > allowed:
+            import drjit as dr
+
+            dr.flush_malloc_cache()
+            allowed = free_memory()
+    if needed > allowed or not countable:
+        raise RenderError(f"{what} {_size(needed)} and {_size(allowed)} {found}; {remedy}")
 
 
 def _size(count: int) -> str:
     return f"{count / 2**30:.1f} GiB" if count >= 2**30 else f"{count / 2**20:.1f} MiB"
-
-
-def _freed() -> int:
-    """Free memory once Dr.Jit has given back what it keeps for later."""
-    import drjit as dr
-
-    dr.flush_malloc_cache()
-    return free_memory()

@@ -19,12 +19,17 @@ class Plane:
     name: str  # in files and in `output.aovs`; NAME stands for the light
     channels: Literal["RGBA", "RGB", "XYZ", "Z", "Y"]
     owner: Owner  # Frame, SplatLayer, LightingBuffer, that of inserted objects, or LightLayer
-    field: str  # the owner's attribute: (H, W, channels), or (H, W) for Z and Y
     meaning: str  # as docs/reference/outputs.md says it, with the unit
     upsampling: Upsampling = "none"  # from a smaller lighting to the frame's pixels, see relight.upsample
     half: bool = False  # a colour that `output.half` stores in 16 bits
     color: bool = False  # linear colour, which files hold in `output.color_space`; all else is data
+    called: str = ""  # by its owner, where that has another name for it
     exact: bool = False  # of no use when rounded: not in files of the lossy compression, which rounds R, G, B and Y
+
+    @property
+    def field(self) -> str:
+        """The owner's attribute: (H, W, channels), or (H, W) for Z and Y."""
+        return self.called or self.name
 
     @property
     def width(self) -> int:
@@ -37,7 +42,6 @@ PLANES: tuple[Plane, ...] = (
         name="unlit",
         channels="RGBA",
         owner="frame",
-        field="unlit",
         meaning="the splats as captured, decoded to linear light, premultiplied",
         half=True,
         color=True,
@@ -46,7 +50,6 @@ PLANES: tuple[Plane, ...] = (
         name="factor",
         channels="RGB",
         owner="frame",
-        field="factor",
         meaning="what the splats were multiplied by, in the space that the job chose",
         half=True,
     ),
@@ -54,7 +57,6 @@ PLANES: tuple[Plane, ...] = (
         name="noise",
         channels="RGB",
         owner="frame",
-        field="noise",
         meaning="standard deviation of the relit picture that the lighting's own noise causes",
         exact=True,
     ),
@@ -62,7 +64,6 @@ PLANES: tuple[Plane, ...] = (
         name="background",
         channels="RGB",
         owner="frame",
-        field="background",
         meaning="light behind the picture, where `display.background` is an environment or a picture; the two together "
         "are RGB + (1 − A) background. Dark where the splats are all but opaque",
         half=True,
@@ -72,7 +73,6 @@ PLANES: tuple[Plane, ...] = (
         name="shadow",
         channels="RGB",
         owner="frame",
-        field="shadow",
         meaning="light beside inserted objects over the same without them: below 1 their shadow, above 1 what they "
         "reflect; 1 where nothing is lit. By name alone, as new light is traced a second time for it",
         half=True,
@@ -81,7 +81,7 @@ PLANES: tuple[Plane, ...] = (
         name="splat_color",
         channels="RGB",
         owner="splats",
-        field="color",
+        called="color",
         meaning="the splats in the space that they blend in, premultiplied: display-encoded, or linear "
         "Rec.709 where they blend in light",
     ),
@@ -89,28 +89,27 @@ PLANES: tuple[Plane, ...] = (
         name="transmittance",
         channels="Y",
         owner="splats",
-        field="transmittance",
         meaning="what the splats let through of a background, 0 to 1",
     ),
     Plane(
         name="splat_depth",
         channels="Z",
         owner="splats",
-        field="depth",
+        called="depth",
         meaning="mean view depth of the blended splats, world units; 0 where there are none",
     ),
     Plane(
         name="splat_median_depth",
         channels="Z",
         owner="splats",
-        field="median_depth",
+        called="median_depth",
         meaning="view depth where half of the light is blocked, world units; 0 where it never is",
     ),
     Plane(
         name="lighting",
         channels="RGBA",
         owner="lighting",
-        field="rgba",
+        called="rgba",
         meaning="the lit proxy, linear radiance, premultiplied; A = its coverage (antialiased)",
         half=True,
         color=True,
@@ -119,7 +118,7 @@ PLANES: tuple[Plane, ...] = (
         name="lighting_noisy",
         channels="RGB",
         owner="lighting",
-        field="noisy_beauty",
+        called="noisy_beauty",
         meaning="with `render.denoise`: the lit proxy before denoising; `output.layers` adds each light's layers with "
         "`_noisy` behind their names",
         half=True,
@@ -129,7 +128,6 @@ PLANES: tuple[Plane, ...] = (
         name="depth",
         channels="Z",
         owner="lighting",
-        field="depth",
         meaning="depth of the proxy along the view axis, world units; 0 where it is not covered",
         upsampling="covered",
     ),
@@ -137,7 +135,6 @@ PLANES: tuple[Plane, ...] = (
         name="position",
         channels="XYZ",
         owner="lighting",
-        field="position",
         meaning="position on the proxy, world units",
         upsampling="covered",
         exact=True,
@@ -146,7 +143,6 @@ PLANES: tuple[Plane, ...] = (
         name="normal",
         channels="XYZ",
         owner="lighting",
-        field="normal",
         meaning="shading normal in world axes, turned to the viewer",
         upsampling="unit",
         exact=True,
@@ -155,7 +151,6 @@ PLANES: tuple[Plane, ...] = (
         name="geometric_normal",
         channels="XYZ",
         owner="lighting",
-        field="geometric_normal",
         meaning="face normal in world axes, turned to the viewer",
         upsampling="unit",
         exact=True,
@@ -164,7 +159,6 @@ PLANES: tuple[Plane, ...] = (
         name="albedo",
         channels="RGB",
         owner="lighting",
-        field="albedo",
         meaning="the proxy's albedo as rendered, linear",
         upsampling="covered",
         half=True,
@@ -174,7 +168,6 @@ PLANES: tuple[Plane, ...] = (
         name="sun_visibility",
         channels="Y",
         owner="lighting",
-        field="sun_visibility",
         meaning="share of the directional lights' and suns' light that reaches the surface: 1 lit, 0 shadowed or "
         "turned away. With several suns each counts by its illuminance; absent without one",
         upsampling="covered",
@@ -183,7 +176,6 @@ PLANES: tuple[Plane, ...] = (
         name="ambient_occlusion",
         channels="Y",
         owner="lighting",
-        field="ambient_occlusion",
         meaning="share of the cosine-weighted hemisphere that is free of the proxy up to `render.ao_distance`: 1 open, "
         "0 closed",
         upsampling="covered",
@@ -192,7 +184,6 @@ PLANES: tuple[Plane, ...] = (
         name="variance",
         channels="RGB",
         owner="lighting",
-        field="variance",
         meaning="variance of the mean of `lighting`; denoised, its estimated mean square error. With `output.layers` "
         "each light's `light_NAME_variance` comes with it",
         upsampling="variance",
@@ -202,7 +193,6 @@ PLANES: tuple[Plane, ...] = (
         name="samples",
         channels="Y",
         owner="lighting",
-        field="samples",
         meaning="light samples that went into the pixel",
         upsampling="bilinear",
         exact=True,
@@ -211,7 +201,7 @@ PLANES: tuple[Plane, ...] = (
         name="object_coverage",
         channels="Y",
         owner="objects",
-        field="coverage",
+        called="coverage",
         meaning="share of the pixel that inserted objects cover, whatever splats in front let through; absent, as all "
         "of these, without objects",
     ),
@@ -219,14 +209,14 @@ PLANES: tuple[Plane, ...] = (
         name="object_depth",
         channels="Z",
         owner="objects",
-        field="depth",
+        called="depth",
         meaning="depth of inserted objects along the view axis, world units; 0 where there are none",
     ),
     Plane(
         name="object_normal",
         channels="XYZ",
         owner="objects",
-        field="normal",
+        called="normal",
         meaning="their shading normal in world axes, turned to the viewer",
         exact=True,
     ),
@@ -234,7 +224,7 @@ PLANES: tuple[Plane, ...] = (
         name="object_albedo",
         channels="RGB",
         owner="objects",
-        field="albedo",
+        called="albedo",
         meaning="their base colour as rendered, linear",
         half=True,
         color=True,
@@ -243,7 +233,7 @@ PLANES: tuple[Plane, ...] = (
         name="object_light",
         channels="RGBA",
         owner="objects",
-        field="rgba",
+        called="rgba",
         meaning="what they send out, linear radiance, premultiplied; A = `object_coverage`",
         half=True,
         color=True,
@@ -254,7 +244,7 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         name="light_NAME_direct",
         channels="RGB",
         owner="layer",
-        field="direct",
+        called="direct",
         meaning="what one light or group of lights, the environment or glowing surfaces add after one reflection, "
         "linear radiance, premultiplied",
         upsampling="bilinear",
@@ -265,7 +255,7 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         name="light_NAME_indirect",
         channels="RGB",
         owner="layer",
-        field="indirect",
+        called="indirect",
         meaning="the same after more reflections. Direct and indirect of all lights together are `lighting`",
         upsampling="bilinear",
         half=True,
@@ -275,7 +265,7 @@ LIGHT_PLANES: tuple[Plane, ...] = (
         name="light_NAME_variance",
         channels="RGB",
         owner="layer",
-        field="variance",
+        called="variance",
         meaning="variance of the mean of `light_NAME_direct` + `light_NAME_indirect`",
         upsampling="variance",
         exact=True,

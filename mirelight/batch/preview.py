@@ -15,7 +15,7 @@ from mirelight.base.errors import RenderError
 from mirelight.batch.executor import Progress
 from mirelight.model import Camera, Frame, Job
 from mirelight.pipeline import stages
-from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache
+from mirelight.pipeline.artefact_cache import MemoryCache
 from mirelight.pipeline.plan import FrameTask, Group
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store
@@ -44,9 +44,9 @@ def quick_job(job: Job) -> Job:
     return replace(job, render=render, output=output)
 
 
-def quick_scene(scene: Scene, kept: ArtefactCache | None = None) -> Scene:
+def quick_scene(scene: Scene) -> Scene:
     """A prepared job made ready for quick pictures; what it has on the device is shared, and no light goes to disk."""
-    return prepare(quick_job(scene.job), kept or MemoryCache(scene.kept, _MEMORY), like=scene)
+    return prepare(quick_job(scene.job), MemoryCache(scene.kept, _MEMORY), like=scene)
 
 
 class Pace:

@@ -34,15 +34,15 @@ def cell_size(surface: DeviceProxy, proxy: ProxyMesh) -> float:
     return max(size, float(np.sqrt(area / MOST_CELLS)))
 
 
-def thicknesses(surface: DeviceProxy, proxy: ProxyMesh, count: int = RAYS) -> F64:
-    """Distances, world units, from points spread evenly over the proxy through it to its next face; (n,) n <= 2 count.
+def thicknesses(surface: DeviceProxy, proxy: ProxyMesh) -> F64:
+    """Distances, world units, from points spread evenly over the proxy through it to its next face; (n,) n <= 2 RAYS.
 
     A mesh is lit from both sides, so either may be the wall's inside: both are looked along and the smaller counts.
     """
     from mirelight.lighting.kernel.cells import free_distance
 
     corners = proxy.vertices[proxy.faces].astype(np.float64)
-    face, weights = triangles.strewn(corners, count)
+    face, weights = triangles.strewn(corners, RAYS)
     if not len(face):
         return np.zeros(0)
     points = (corners[face] * weights[:, :, None]).sum(axis=1)

@@ -72,12 +72,11 @@ class UserCache:
     """Artefacts of scenes by key.
 
     Args:
-        where: the folder; None: the user's own.
         most: bytes that it may hold.
     """
 
-    def __init__(self, where: Path | None = None, most: int = MOST) -> None:
-        self.folder, self.most = where or folder(), most
+    def __init__(self, most: int = MOST) -> None:
+        self.folder, self.most = folder(), most
 
     def get(self, key: str, codec: Codec[T]) -> T | None:
         """A kept artefact; None where there is none, or it is damaged."""

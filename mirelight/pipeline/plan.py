@@ -13,6 +13,8 @@ from mirelight.pipeline import keys, requirements
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.scene import prepare
 
+_MOST_LISTED = 20  # names in a message
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameTask:
@@ -160,9 +162,9 @@ def _choose(job: Job, kind: str, existing: tuple[Named, ...], wanted: Iterable[s
     return tuple(x for x in existing if x.name in chosen)
 
 
-def _listed(names: Sequence[str], most: int = 20) -> str:
-    more = f", … ({len(names)} in all)" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def _listed(names: Sequence[str]) -> str:
+    more = f", … ({len(names)} in all)" if len(names) > _MOST_LISTED else ""
+    return ", ".join(names[:_MOST_LISTED]) + more
 
 
 def camera_names(cameras: tuple[Camera, ...]) -> tuple[str, ...]:

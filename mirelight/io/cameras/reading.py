@@ -58,12 +58,12 @@ def limited(path: Path, count: int, where: str = "") -> None:
         raise InputError(path, f"{count:,} cameras", f"at most {MOST_CAMERAS:,} are read", field=where)
 
 
-def rows(fields: Fields, name: str, counts: tuple[int, ...] = (3, 4)) -> F64:
+def rows(fields: Fields, name: str) -> F64:
     """A matrix (4, 4) written as rows of 4 numbers; a last row 0 0 0 1 may be left out. Raises InputError."""
     value = fields.values.get(name)
-    if not isinstance(value, list) or len(value) not in counts:
+    if not isinstance(value, list) or len(value) not in (3, 4):
         found = "missing" if name not in fields.values else "not a matrix"
-        raise fields.fail(name, found, f"{counts[-1]} rows of 4 numbers are expected")
+        raise fields.fail(name, found, "4 rows of 4 numbers are expected")
     out = np.eye(4)
     for i, row in enumerate(value):
         label = f"{name}[{i}]"

@@ -66,10 +66,10 @@ def read_accessor(document: Document, index: int, user: Fields | None = None) ->
     return denormalised(values) if entry.flag("normalized") else values
 
 
-def _component_type(entry: Fields, name: str = "componentType") -> np.dtype[Any]:
-    code = entry.integer(name)
+def _component_type(entry: Fields) -> np.dtype[Any]:
+    code = entry.integer("componentType")
     if code not in _TYPES:
-        raise entry.fail(name, f"{code}", "expected one of " + ", ".join(str(x) for x in _TYPES))
+        raise entry.fail("componentType", f"{code}", "expected one of " + ", ".join(str(x) for x in _TYPES))
     return np.dtype(_TYPES[code]).newbyteorder("<")
 
 

@@ -273,9 +273,9 @@ def _row_sums(rows: Float, place: UInt32, count: UInt32, stride: UInt32) -> Floa
     return total
 
 
-def _put(target: Float, value: Float, place: UInt32, active: Bool | bool = True) -> None:
+def _put(target: Float, value: Float, place: UInt32) -> None:
     """Add where no two lanes meet."""
-    dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, active, mode=dr.ReduceMode.NoConflicts)
+    dr.scatter_reduce(dr.ReduceOp.Add, target, value, place, mode=dr.ReduceMode.NoConflicts)
 
 
 def _add(target: Float, value: Float | Vector2f | Vector3f | Vector4f, place: UInt32, active: Bool) -> None:

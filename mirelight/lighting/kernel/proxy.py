@@ -124,9 +124,9 @@ class DeviceProxy:
         found, passed = beyond(self, found, ray, active, MOST)
         return found, passed if self.glassy else None
 
-    def blocked(self, ray: Ray3f, active: Bool, *, coherent: Bool | bool = False) -> Bool:
-        """Bool: something lies on the ray. `coherent` (Bool): lanes side by side go nearly the same way."""
-        return ~self.reached(ray, active, coherent=coherent)[0]
+    def blocked(self, ray: Ray3f, active: Bool) -> Bool:
+        """Bool: something lies on the ray."""
+        return ~self.reached(ray, active)[0]
 
     def reached(self, ray: Ray3f, active: Bool, *, coherent: Bool | bool = False) -> tuple[Bool, Vector3f | None]:
         """(Bool: nothing lies on the ray, what light loses on its way); None: nothing."""

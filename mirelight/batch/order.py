@@ -164,10 +164,6 @@ def named(wanted: Sequence[str] | None, names: Sequence[str]) -> list[str] | Non
     found: list[str] = []
     for name in wanted:
         sequence = re.compile(re.escape(name) + r"\.\d{4,}")
-        fits = [x for x in names if _fits(x, name) or sequence.fullmatch(x)]
+        fits = [x for x in names if x == name or fnmatchcase(x, name) or sequence.fullmatch(x)]
         found += fits or [name]
     return found
-
-
-def _fits(name: str, wanted: str) -> bool:
-    return name == wanted or fnmatchcase(name, wanted)

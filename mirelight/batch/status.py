@@ -10,7 +10,6 @@ from typing import Literal
 
 from mirelight.base.errors import InputError
 from mirelight.batch.pace import Costs
-from mirelight.store import Row
 from mirelight.store.folder import Folder
 from mirelight.store.planned import PlannedFrame
 
@@ -74,7 +73,7 @@ def status(path: str | Path) -> Status:
     for frame in folder.planned:
         if not folder.has(frame):
             left[frame.group].append(frame)
-    errors = _errors(folder)
+    errors = {row.frame: row for rows in folder.rows for row in rows if row.error}
     failed = {
         frame.name: errors[frame.name]
         for frames in left.values()
@@ -112,10 +111,6 @@ def status(path: str | Path) -> Status:
         command=shlex.join(newest.command),
         damaged_rows=folder.journal.bad,
     )
-
-
-def _errors(folder: Folder) -> dict[str, Row]:
-    return {row.frame: row for rows in folder.rows for row in rows if row.error}
 
 
 def _by_row(folder: Folder) -> dict[str, PlannedFrame]:

@@ -60,7 +60,7 @@ def write_sheet(
     path = Path(path)
     kind = sheet_format(path)
     font = ImageFont.load_default(_LETTERS)
-    small = [_small_row(row, size) for row in tiles]
+    small = [[None if x is None else _small(x.picture(), size) for x in row] for row in tiles]
     count = max((len(row) for row in small), default=0)
     widths = [max([x.width for row in small for x in row[i : i + 1] if x] or [size]) for i in range(count)]
     left = 0
@@ -112,10 +112,6 @@ def spread(count: int, most: int = MOST) -> list[int]:
     if count <= most:
         return list(range(count))
     return [round(i * (count - 1) / (most - 1)) for i in range(most)]
-
-
-def _small_row(row: Sequence[Tile | None], size: int) -> list[Image.Image | None]:
-    return [None if tile is None else _small(tile.picture(), size) for tile in row]
 
 
 def _small(pixels: Pixels, size: int) -> Image.Image:

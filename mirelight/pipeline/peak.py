@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight import relighting
-from mirelight.model import Camera, Job, Lighting, ProxyMesh
+from mirelight.model import Camera, Job, ProxyMesh
 from mirelight.model.unit_lights import GLOW, LightSet
 from mirelight.pipeline import keys, requirements
 
@@ -41,16 +41,13 @@ def of_render(job: Job, proxy: ProxyMesh | None) -> int:
         needed += 2 * sum(x.nbytes for x in arrays) + _SPLAT * len(splats)
     if proxy is not None:
         needed += 2 * mesh_bytes(proxy) + _TRIANGLE * len(proxy.faces)
-    skies = {id(x.environment.pixels): x.environment.pixels for x in _lit(job) if x.environment is not None}
+    lit = [*job.lightings, *(() if job.captured is None else (job.captured,))]
+    skies = {id(x.environment.pixels): x.environment.pixels for x in lit if x.environment is not None}
     needed += sum(x.nbytes for x in skies.values()) + max((x.nbytes // 12 * _SKY for x in skies.values()), default=0)
     if not job.cameras:
         return needed
     camera = max(job.cameras, key=lambda x: x.width * x.height)
     return needed + camera.width * camera.height * _FRAME + _light_bytes(job, camera, _glows(proxy))
-
-
-def _lit(job: Job) -> tuple[Lighting, ...]:
-    return (*job.lightings, *(() if job.captured is None else (job.captured,)))
 
 
 def mesh_bytes(mesh: ProxyMesh | None) -> int:

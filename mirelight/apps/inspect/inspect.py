@@ -99,7 +99,7 @@ def _splats(path: Path) -> SplatFacts:
         bounds=bounds_of(cloud.means),
         median_scale=rounded(np.median(cloud.scales)) if len(cloud) else None,
         mean_opacity=rounded(np.mean(cloud.opacities)) if len(cloud) else None,
-        memory=_cloud_bytes(cloud),
+        memory=sum(x.nbytes for x in (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.sh)),
         notes=(*info.notes, *_far(cloud)),
     )
 
@@ -252,10 +252,3 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         memory=peak.of_render(work, proxy),
         notes=(*work.notes, *_far(splats, proxy)),
     )
-
-
-# --- memory ----------------------------------------------------------------------------------------------------------
-
-
-def _cloud_bytes(cloud: SplatCloud) -> int:
-    return sum(a.nbytes for a in (cloud.means, cloud.quats, cloud.scales, cloud.opacities, cloud.sh))

@@ -90,7 +90,7 @@ def _write_frame(files: Files, picture: Picture, shared: Shared) -> None:
 
 
 def _transforms(written: list[_Written], shared: Shared, out: str, lighting: str) -> dict[str, Any]:
-    lenses = [_lens(one.camera) for one in written]
+    lenses = [{k: x for k, x in lens_entry(one.camera).items() if k != "camera_model"} for one in written]
     same = len(lenses) > 0 and all(lens == lenses[0] for lens in lenses)
     whole: dict[str, Any] = {"camera_model": "PINHOLE", **(lenses[0] if same else {})}
     whole |= {"applied_transform": shared.world[:3].tolist(), "orientation_override": "none"}
@@ -106,10 +106,6 @@ def _transforms(written: list[_Written], shared: Shared, out: str, lighting: str
         whole |= {f"{split}_filenames": names for split, names in of_split.items()}
     whole["frames"] = [_frame(one, shared, {} if same else lens) for one, lens in zip(written, lenses, strict=True)]
     return whole
-
-
-def _lens(camera: Camera) -> dict[str, Any]:
-    return {key: value for key, value in lens_entry(camera).items() if key != "camera_model"}
 
 
 def _frame(one: _Written, shared: Shared, lens: dict[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,6 @@ moved in SuperSplat fits once it is exported. Read from SuperSplat 2.32 (camera-
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -50,7 +49,7 @@ def read(path: Path, fps: float | None = None, frames: int | None = None) -> tup
     keys = reading.objects(path, "poseSets[0].poses", sets[0].values["poses"])
     fov = top.child("camera").number("fov", _FOV)
     times = np.array([key.number("frame", i * rate) for i, key in enumerate(keys)])
-    points = np.array([_values(key, fov) for key in keys])
+    points = np.array([[*x.vector("position", 3), *x.vector("target", 3), x.number("fov", fov)] for x in keys])
     order = np.argsort(times, kind="stable")
     if fps is None and frames is None:
         names = reading.picture_names(keys[i].text("name", "camera") for i in order)
@@ -82,10 +81,6 @@ def _flown(path: Path, length: float, times: F64, points: F64, smoothness: float
             path, "two camera keys at the same frame", "move or delete one in SuperSplat", field="poseSets"
         )
     return spline.evaluate(times, points, smoothness, at)
-
-
-def _values(key: Fields, fov: float) -> Sequence[float]:
-    return [*key.vector("position", 3), *key.vector("target", 3), key.number("fov", fov)]
 
 
 def _camera(path: Path, name: str, values: F64) -> FileCamera:

@@ -140,7 +140,7 @@ class Document:
             InputError: another scheme, a path that leaves the folder, a missing file, bad base64.
         """
         uri = entry.text(name)
-        if _is_data(uri):
+        if uri[:5].lower() == "data:":
             head, comma, body = uri.partition(",")
             if not comma or not head.lower().endswith(";base64"):
                 raise entry.fail(name, "a data URI that is not base64")
@@ -193,10 +193,6 @@ def map_file(path: Path, entry: Fields | None = None, name: str = "") -> Bytes:
         return np.memmap(path, dtype=np.uint8, mode="r")
     except (OSError, ValueError) as e:
         raise fail(f"cannot be read ({getattr(e, 'strerror', None) or 'bad path'})") from None
-
-
-def _is_data(uri: str) -> bool:
-    return uri[:5].lower() == "data:"
 
 
 def _glb_chunks(path: Path, data: Bytes) -> tuple[Bytes, Bytes | None]:

@@ -54,7 +54,9 @@ def texture_of(document: Document, info: Fields, images: dict[int, F32]) -> Text
         wraps = _wrap(sampler, "wrapS"), _wrap(sampler, "wrapT")
     index = _image_index(texture)
     if index not in images:
-        images[index] = _decode(document, document.entry("images", index, texture, "source"))
+        image = document.entry("images", index, texture, "source")
+        encoded = io.BytesIO(_encoded(document, image).tobytes())
+        images[index] = decode_srgb_image(encoded, document.path, image.where)
     return Texture(images[index], wraps, UvSource(texcoord, transform))
 
 
@@ -74,10 +76,6 @@ def _image_index(texture: Fields) -> int:
         others = ", ".join(sorted(texture.child("extensions").values)) or "no image"
         raise texture.fail("source", f"{others[:80]} instead of a PNG, JPEG or WebP image", "convert it to PNG")
     return texture.integer("source")
-
-
-def _decode(document: Document, image: Fields) -> F32:
-    return decode_srgb_image(io.BytesIO(_encoded(document, image).tobytes()), document.path, image.where)
 
 
 def _encoded(document: Document, image: Fields) -> Bytes:

@@ -248,7 +248,8 @@ def _stands(
     table: TurntableTable | OrbitTable | SphereTable | DomeTable, size: tuple[int, int], scene: Extent
 ) -> Iterable[Stand]:
     target = scene.center if table.target is None else np.asarray(table.target)
-    away = scene.distance(_yfov(table, size), *size)
+    yfov = 2 * math.degrees(math.atan(size[1] / 2 / table.focal(*size)))
+    away = scene.distance(yfov, *size)
     match table:
         case TurntableTable():
             flat = table.radius or math.sqrt(max(away**2 - table.elevation**2, (0.1 * away) ** 2))
@@ -282,11 +283,6 @@ def _scattered(table: RandomTable, name: str, size: tuple[int, int], scene: Exte
         draws = (drawn(number, again) for again in range(_MOST_DRAWS))
         out.append(next((camera for camera in draws if judge.approves(camera)), None) or drawn(number))
     return out
-
-
-def _yfov(table: LensTable, size: tuple[int, int]) -> float:
-    """Vertical field of view in degrees."""
-    return 2 * math.degrees(math.atan(size[1] / 2 / table.focal(*size)))
 
 
 def _standing(

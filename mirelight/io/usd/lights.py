@@ -107,7 +107,7 @@ def _lamps(read: Read, row: LightRow, name: str) -> list[Light]:
             raise InputError(read.path, f"an angle of {row.size[0]:g} degrees", "use a DomeLight", field=row.prim)
         angle = row.size[0]
         return [SunLight(name=name, direction=way, color=color, intensity=strength, angular_diameter=angle)]
-    if _is_shaped(row):
+    if row.cone_angle < 180 or row.focus > 0 or row.ies_file:
         return [_shaped(read, row, name, pose)]
     if row.kind == "SphereLight":
         if row.point:
@@ -183,10 +183,6 @@ def _means(picture: F32) -> F64:
         at = at + part * (sums.take(np.minimum(low + 1, picture.shape[axis]), axis) - at)
         picture = np.diff(at, axis=axis) / (picture.shape[axis] / cells)
     return np.asarray(picture, np.float64)
-
-
-def _is_shaped(row: LightRow) -> bool:
-    return row.cone_angle < 180 or row.focus > 0 or bool(row.ies_file)
 
 
 def _shaped(read: Read, row: LightRow, name: str, pose: F64) -> Light:

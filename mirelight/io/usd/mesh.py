@@ -12,7 +12,7 @@ from mirelight.io.environment import read_environment
 from mirelight.io.surface import filled_normals
 from mirelight.io.usd.process import Read, ask
 from mirelight.io.usd.rows import MaterialRow, Request
-from mirelight.model import F32, I32, Material, ProxyMesh
+from mirelight.model import F32, Material, ProxyMesh
 from mirelight.model.scene import Wraps
 
 _SCENE_LIGHT = (".exr", ".hdr")  # pictures that hold linear values by themselves
@@ -46,7 +46,7 @@ def read_proxy(path: str | Path, *, textures: bool = True) -> ProxyMesh | None:
             vertex_colors=_own(read, "colors"),
             face_materials=None if len(used) == 1 else compact.astype(np.int32),
             materials=tuple(Material() if i < 0 else _material(read, read.answer.materials[i]) for i in used),
-            face_nodes=_indices(nodes),
+            face_nodes=None if nodes is None else np.array(nodes, np.int32),
             nodes=tuple(read.answer.nodes),
         )
 
@@ -54,10 +54,6 @@ def read_proxy(path: str | Path, *, textures: bool = True) -> ProxyMesh | None:
 def _own(read: Read, name: str) -> F32 | None:
     found = read.array(name)
     return None if found is None else np.array(found, np.float32)
-
-
-def _indices(found: I32 | None) -> I32 | None:
-    return None if found is None else np.array(found, np.int32)
 
 
 def _material(read: Read, row: MaterialRow) -> Material:

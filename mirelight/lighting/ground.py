@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from mirelight.base.errors import InputError
@@ -47,9 +45,7 @@ def dropped(one: Inserted, mesh: ProxyMesh, ground: ProxyMesh) -> tuple[ProxyMes
         heights = ground_below(ground, feet, reach=float(high[1]))
     gaps = (feet[:, 1] - heights)[np.isfinite(heights)]
     down = float(gaps.min()) if len(gaps) else 0.0
-    normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
-    vertices = vertices - np.array([0, down, 0])
-    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals), turn
+    return mesh.turned(turn, vertices - np.array([0, down, 0])), turn
 
 
 def _along(feet: F64, heights: F64) -> F64:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +62,8 @@ def scattered(one: Inserted, place: int, ground: ProxyMesh, taken: Sequence[F64]
         away, around, turn = where.radius * math.sqrt(stream.random()), stream.random(), stream.random()
         yaw = conventions.rotation_from_euler((0, 360 * turn if where.turn else 0, 0))
         at = where.center + away * np.array([math.sin(2 * math.pi * around), 0, math.cos(2 * math.pi * around)])
-        found = _fitted(one, _moved(mesh, middle, yaw, at), yaw, near, taken)
+        there = mesh.turned(yaw, (mesh.vertices - middle) @ yaw.T + at)
+        found = _fitted(one, there, yaw, near, taken)
         if found is not None:
             return found
     remedy = "give scatter a larger radius or another centre, or make the object smaller"
@@ -77,13 +77,6 @@ def _near(ground: ProxyMesh, where: Scatter, size: float) -> ProxyMesh:
     reach = where.radius + size
     near = (flat.max(axis=1) >= -reach).all(axis=1) & (flat.min(axis=1) <= reach).all(axis=1)
     return ProxyMesh(vertices=ground.vertices, faces=ground.faces[near])
-
-
-def _moved(mesh: ProxyMesh, middle: F64, turn: F64, to: F64) -> ProxyMesh:
-    """A mesh turned about a point, which comes to lie elsewhere."""
-    vertices = (mesh.vertices - middle) @ turn.T + to
-    normals = None if mesh.normals is None else (mesh.normals @ turn.T).astype(np.float32)
-    return replace(mesh, vertices=vertices.astype(np.float32), normals=normals)
 
 
 def _fitted(

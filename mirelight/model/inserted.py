@@ -99,8 +99,4 @@ def moves(objects: Sequence[Inserted]) -> bool:
 
 def _moved(mesh: Deferred[ProxyMesh], pose: F64) -> ProxyMesh:
     there, turn = mesh.value, pose[:3, :3]
-    return replace(
-        there,
-        vertices=(there.vertices @ turn.T + pose[:3, 3]).astype(np.float32),
-        normals=None if there.normals is None else (there.normals @ turn.T).astype(np.float32),
-    )
+    return there.turned(turn, there.vertices @ turn.T + pose[:3, 3])

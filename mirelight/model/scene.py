@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -187,6 +187,11 @@ class ProxyMesh(ArrayHolder):
     def bounds(self) -> tuple[F32, F32]:
         """Lowest and highest corner, (3,) each."""
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+    def turned(self, turn: F64, vertices: F64) -> ProxyMesh:
+        """With vertices (V, 3) elsewhere, where a rotation (3, 3) brought them: normals are turned along."""
+        normals = None if self.normals is None else (self.normals @ turn.T).astype(np.float32)
+        return replace(self, vertices=vertices.astype(np.float32), normals=normals)
 
 
 def holds_light(space: SplatColorSpace) -> bool:

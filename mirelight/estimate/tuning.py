@@ -112,7 +112,6 @@ class Tuning:
     sun_white: float = 0.5  # share of those of them in the sun that show white
     sun_mostly: float = 0.5  # of the sun: a place that sees more of it is lit
     sun_changed: float = 0.02  # of the sun: more of it than that counts as a change
-    sun_same: float = 1.0  # degrees between two suns that are one
     sun_elsewhere: float = cos(radians(16.0))  # from a sun: nearer ones share most of its shadows
 
     # its colour: white in the mean of sun and sky made the light of a blue sky and a white sun 1.28 times too yellow

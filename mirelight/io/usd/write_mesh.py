@@ -18,7 +18,7 @@ _PLACE = "proxy"  # below /World
 def add_proxy(writer: StageWriter, mesh: ProxyMesh) -> None:
     """The meshes below /World/proxy: light falls on them, viewers do not draw them. Their materials have the colours of
     the file, or the one albedo that takes their place, and what glows."""
-    colours = _own_colours(mesh)
+    colours = mesh.vertex_colors if mesh.albedo is None else None
     materials = [_material(writer, x, mesh, colours) for x in mesh.materials]
     owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
     for number, (name, faces) in enumerate(_runs(mesh)):
@@ -35,11 +35,6 @@ def _runs(mesh: ProxyMesh) -> Iterator[tuple[str, NDArray[np.int64]]]:
     ends = np.flatnonzero(np.diff(mesh.face_nodes)) + 1
     for some in np.split(every, ends):
         yield mesh.nodes[mesh.face_nodes[some[0]]], some
-
-
-def _own_colours(mesh: ProxyMesh) -> F32 | None:
-    """(V, 3) colours by vertex, where they count."""
-    return mesh.vertex_colors if mesh.albedo is None else None
 
 
 def _mesh(

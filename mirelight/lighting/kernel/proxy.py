@@ -41,7 +41,7 @@ from mirelight.lighting.materials import (
     is_emissive,
     pack_glow,
 )
-from mirelight.model import F32, F64, ProxyMesh
+from mirelight.model import F32, ProxyMesh
 
 
 class Finish(NamedTuple):
@@ -94,7 +94,8 @@ class DeviceProxy:
         self.normals = None if proxy.normals is None else _vectors(proxy.normals)
         from_file = proxy.albedo is None
         self.colors = _vectors(proxy.vertex_colors) if from_file and proxy.vertex_colors is not None else None
-        self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in _constant_albedo(proxy)))
+        albedo = proxy.materials[0].base_color if proxy.albedo is None else proxy.albedo
+        self.albedo = mi.Vector3f(*(dr.opaque(mi.Float, float(x)) for x in albedo))
         self.emissive = is_emissive(proxy)
         needed = (from_file and _needs_materials(proxy)) or self.emissive or self.has_objects or lobes
         self.atlas = DeviceAtlas(proxy) if needed else None
@@ -327,10 +328,6 @@ def _scene(proxy: ProxyMesh) -> MitsubaScene:
         parameters["faces"] = mi.UInt32(proxy.faces.astype(np.uint32).ravel())
         parameters.update()
     return mi.load_dict({"type": "scene", "proxy": mesh})
-
-
-def _constant_albedo(proxy: ProxyMesh) -> F64:
-    return proxy.albedo if proxy.albedo is not None else proxy.materials[0].base_color
 
 
 def _needs_materials(proxy: ProxyMesh) -> bool:

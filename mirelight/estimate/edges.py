@@ -99,7 +99,12 @@ class Spoken:
     @property
     def sure(self) -> bool:
         """Whether the first stands out so far that edges alone tell where the sun was."""
-        return len(self.ways) > 0 and self._lead(self.ways[0], float(self.scores[0])) > TUNING.edge_sure
+        return self.lead > TUNING.edge_sure
+
+    @property
+    def lead(self) -> float:
+        """By how much the first stands out."""
+        return self._lead(self.ways[0], float(self.scores[0])) if len(self.ways) else 0.0
 
     def score(self, ways: F64) -> F64:
         """(D,) of suns in directions (D, 3)."""

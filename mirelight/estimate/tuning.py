@@ -133,6 +133,9 @@ class Tuning:
     # of the sky: how bright surfaces are that hide it; shade that grows towards corners is no shadow's edge
     edge_hidden: float = 0.7
     edge_sure: float = 2.0  # standard deviations by which one sun stands out where edges alone tell it
+    # where there is a sun though light explains no more with it: 7 of a plinth whose bushes' shade explains as much, 3
+    # where there was one that explains a little
+    edge_certain: float = 5.0
     edge_towards: float = 0.1  # least cosine of both towards the sun
     edge_least_cosine: float = 0.02  # below which a place is not lit
     edge_directions: int = 2500  # over the whole sphere: 4 degrees apart

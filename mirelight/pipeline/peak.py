@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight import relighting
-from mirelight.model import Camera, Job, ProxyMesh
+from mirelight.model import Camera, Job, Lighting, ProxyMesh
 from mirelight.model.unit_lights import GLOW, LightSet
 from mirelight.pipeline import keys, requirements
 
@@ -41,7 +41,7 @@ def of_render(job: Job, proxy: ProxyMesh | None) -> int:
         needed += 2 * sum(x.nbytes for x in arrays) + _SPLAT * len(splats)
     if proxy is not None:
         needed += 2 * mesh_bytes(proxy) + _TRIANGLE * len(proxy.faces)
-    lit = [*job.lightings, *(() if job.captured is None else (job.captured,))]
+    lit: list[Lighting] = [*job.lightings, *(() if job.captured is None else (job.captured,))]
     skies = {id(x.environment.pixels): x.environment.pixels for x in lit if x.environment is not None}
     needed += sum(x.nbytes for x in skies.values()) + max((x.nbytes // 12 * _SKY for x in skies.values()), default=0)
     if not job.cameras:

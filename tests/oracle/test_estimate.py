@@ -259,6 +259,18 @@ def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.Monk
     assert 0.7 < float(np.pi * best.light.beams[0].mean() / (2.5 * np.mean([1, 0.9, 0.8]))) < 1.4
 
 
+def test_a_sun_of_which_edges_are_certain_need_not_explain_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bushes' shade and albedos can explain as much as a sun does."""
+    places = transport.places_of(painted(yard(), LIGHT, 2400), yard(), SETTINGS)
+    pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
+    given = sun.Sun(TO_SUN, 0.0, np.zeros(0), 0.0, (0.35, 0.45))
+    said = spoken_of(LIGHT, 1)
+    for certain, there in ((said.lead - 0.1, True), (said.lead + 0.1, False)):
+        monkeypatch.setattr(solve, "TUNING", replace(TUNING, least_gain=1.0, sure_gain=1.0, edge_certain=certain))
+        best, _ = solve._best(places, pairs, [given, None], said)
+        assert (best.sun is not None) == there
+
+
 @cache
 def known_yard() -> tuple[transport.Places, Pairs, sun.Sun, F64, F64]:
     """Places of the yard, and its sun: its share at each, and irradiance / pi."""

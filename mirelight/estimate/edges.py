@@ -9,6 +9,7 @@ close as shadows are sharp, many times as many as light is fitted to.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,6 +106,13 @@ class Spoken:
     def lead(self) -> float:
         """By how much the first stands out."""
         return self._lead(self.ways[0], float(self.scores[0])) if len(self.ways) else 0.0
+
+    @property
+    def least_gain(self) -> float:
+        """Of the loss, what a sun must explain to be there: the less, the surer edges are."""
+        if self.lead > TUNING.edge_certain:
+            return -math.inf
+        return TUNING.sure_gain if self.sure else TUNING.least_gain
 
     def score(self, ways: F64) -> F64:
         """(D,) of suns in directions (D, 3)."""

@@ -302,10 +302,7 @@ def _best(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken) -
     if not tried:
         return _fitted(places, pairs, None), 0.0
     best = max(tried, key=lambda x: x.gain)
-    least = TUNING.sure_gain if edges.sure else TUNING.least_gain
-    if edges.lead > TUNING.edge_certain:
-        least = -math.inf
-    gain = _gain(places, pairs, best.light.sun)
+    least, gain = edges.least_gain, _gain(places, pairs, best.light.sun)
     if _apart(suns) <= TUNING.no_chance:  # what both halves ask for
         gain = max(gain, best.gain)
     if gain < least or best.light.sun is None:

@@ -25,7 +25,7 @@ from mirelight.model.profiles import BRIGHTEST
 MOST_SPLATS = 1 << 18  # evenly taken where there are more: 2^16 leave halos half a metre wide around a yard's doors
 SPP = (4, 4, 16)  # samples a splat in each round of light by colours and colours by light: many splats share a vertex,
 # the first two rounds bring all but 3 %, and with 16 in each frames come no closer to the truth
-_SAMPLED = 1 << 17  # splats that are sampled so often; where there are more, each has less
+_SAMPLED = 1 << 17  # splats that are sampled so often; where there are more, each has less, half of it at the least
 FLOOR = 0.01  # of the mean irradiance: where there was no light, no colour can be found
 DARKEST = 0.01
 UNLIT = 0.01  # of the mean irradiance: a front darker than this is the inside of something, and the back was seen
@@ -148,7 +148,7 @@ def _colors(
     colors = np.asarray(mesh.vertex_colors)
     lit = True
     for done, samples in enumerate(SPP):
-        spp = max(samples * _SAMPLED // max(len(deposits.face), _SAMPLED), 1)
+        spp = samples * _SAMPLED // max(len(deposits.face), _SAMPLED)
         light = irradiance_at(deposits, mesh, tracer, captured, spp)
         lit = bool(light.any())
         found = _albedo(shape, deposits, light, filling)

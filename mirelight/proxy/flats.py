@@ -118,7 +118,7 @@ def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[F
     square = dict(zip(order, squared([found[k][0] for k in order]), strict=True))
     out = []
     for k, (normal, offset, rows) in enumerate(found):
-        plane = _squared(points, rows, (normal, offset), square[k], tolerance)
+        plane = _turned_upright(points, rows, (normal, offset), square[k], tolerance)
         out.append(_confirmed(_seen(*plane, points, rows, spacing, low, high), views, tolerance))
     return out
 
@@ -188,7 +188,9 @@ def _lean(points: Points, normal: F64, offset: float, rows: Int) -> float:
     return float(np.sqrt((weight * off**2).sum() / max(np.linalg.eigvalsh(np.array(spread))[0], 1e-30)))
 
 
-def _squared(points: Points, rows: Int, plane: tuple[F64, float], normal: F64, tolerance: float) -> tuple[F64, float]:
+def _turned_upright(
+    points: Points, rows: Int, plane: tuple[F64, float], normal: F64, tolerance: float
+) -> tuple[F64, float]:
     """A plane turned to another normal; as it is where that leaves too many of its points off it."""
     if np.array_equal(normal, plane[0]):
         return plane

@@ -266,7 +266,7 @@ def test_a_sun_of_which_edges_are_certain_need_not_explain_more(monkeypatch: pyt
     given = sun.Sun(TO_SUN, 0.0, np.zeros(0), 0.0, (0.35, 0.45))
     said = spoken_of(LIGHT, 1)
     for certain, there in ((said.lead - 0.1, True), (said.lead + 0.1, False)):
-        monkeypatch.setattr(solve, "TUNING", replace(TUNING, least_gain=1.0, sure_gain=1.0, edge_certain=certain))
+        monkeypatch.setattr(edges, "TUNING", replace(TUNING, least_gain=1.0, sure_gain=1.0, edge_certain=certain))
         best, _ = solve._best(places, pairs, [given, None], said)
         assert (best.sun is not None) == there
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.lighting.frame import PASS, FrameInProgress, Passes
 from mirelight.model import F32, Camera, CellLight, SurfaceCache
 
 if TYPE_CHECKING:
@@ -71,9 +71,8 @@ def looked_at(cameras: Sequence[Camera], frame: Callable[[SomePixels, Camera], F
     for camera in some_of(cameras):
         pixels = even(camera.width * camera.height)
         opened = frame(SomePixels(camera, pixels), Camera.perspective(np.eye(4), len(pixels), 1, yfov=45, name="some"))
-        for _ in range(SAMPLES // PASS):
-            for _ in opened.add_pass(PASS):
-                pass
+        for _ in opened.add_passes(Passes(PASS, SAMPLES // PASS)):
+            pass
         estimate = opened.estimate()
         if estimate.covered.any():
             found.append((estimate.of_surface**2, estimate.relative_noise**2 * SAMPLES))

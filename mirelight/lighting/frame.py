@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mirelight.lighting.kernel.types import UInt32
 
 LANES = 1 << 21  # paths a launch: larger is no faster, smaller starts to cost (0.13 M: 1.4 times)
+FEW_LANES = 1 << 18  # of few pixels, whose passes share launches up to so many: progress is seen still
 PASS = 16  # samples a pixel and launch, a power of two: one packet of the widest vector unit
 LAUNCH_BYTES = 1 << 29  # most that the film's buffer of one launch may take
 TILE = 6  # log2 of the side of a tile of pixels that share a sequence
@@ -48,6 +49,17 @@ class LitProxy:
     lighting: Lighting  # with its sky model resolved
     emission: bool  # surfaces that glow do
     cells: DeviceCells | None = None  # light that is read in place of being traced
+
+
+class Passes(NamedTuple):
+    """So many samples of each pixel at once, so many times.
+
+    `samples` is a power of two from the batch size up to PASS, so that a pixel's lanes lie in one packet or in
+    neighbouring ones.
+    """
+
+    samples: int
+    times: int = 1
 
 
 class FrameInProgress:
@@ -104,14 +116,13 @@ class FrameInProgress:
         diagonal = float(np.linalg.norm(high.astype(np.float64) - low))
         self._ao_distance = dr.opaque(mi.Float, settings.ao_distance or 0.1 * diagonal)
 
-    def add_pass(
-        self, count: int, pixels: NDArray[np.int64] | None = None, seed: int | None = None, since: int = 0
+    def add_passes(
+        self, passes: Passes, pixels: NDArray[np.int64] | None = None, seed: int | None = None, since: int = 0
     ) -> Iterator[int]:
-        """Take `count` more samples of each of some pixels (None: all); yields how many there are by now, by launch.
+        """Take more samples of each of some pixels (None: all); yields how many there are by now, by launch.
 
-        `count` is a power of two from the batch size up to PASS, so that a pixel's lanes lie in one packet or in
-        neighbouring ones. `pixels` (N,) are different and in order. `seed`: of another sequence than the frame's, that
-        has been gone along since the pixels had `since` samples, which are whole batches.
+        `pixels` (N,) are different and in order. `seed`: of another sequence than the frame's, that has been gone along
+        since the pixels had `since` samples, which are whole batches.
         """
         import drjit as dr
         import mitsuba as mi
@@ -121,23 +132,24 @@ class FrameInProgress:
 
         chosen = np.arange(len(self.samples)) if pixels is None else pixels
         sequence = self._seed if seed is None else dr.opaque(mi.UInt32, seed)
-        for first, end, batches in self._launches(len(chosen), count):
+        for first, end, times in self._launches(len(chosen), passes):
             some = chosen[first:end]
-            job = self._job(some, self.samples[some] - since, count, sequence)
+            job = self._job(some, self.samples[some] - since, passes.samples, times, sequence)
             before = integers((self.samples[some] - since) // self._batch)
+            batches = times * (passes.samples // self._batch)
             with uninterrupted():  # samples in the film that are not counted would be light twice
-                self._film.open(len(some), batches)
+                self._film.open(len(some), batches, times)
                 trace_pass(self._world, self._view, self._film, job)
-                self._film.close(job.pixels, before, len(some), batches)
-                self.samples[some] += count
+                self._film.close(job.pixels, before, len(some), batches, times)
+                self.samples[some] += times * passes.samples
             yield int(self.samples.sum())
 
-    def add_rounds(self, spp: int, passes: Callable[[int], Sequence[int]]) -> Iterator[int]:
+    def add_rounds(self, spp: int, passes: Callable[[int], Sequence[Passes]]) -> Iterator[int]:
         """More samples of the pixels that show inserted objects, `OBJECTS` times as many in all as the `spp` that they
-        have, and `EDGES` times where they show them in part; yields as `add_pass`. Each round goes along a sequence of
-        its own, in whole quarters of batches.
+        have, and `EDGES` times where they show them in part; yields as `add_passes`. Each round goes along a sequence
+        of its own, in whole quarters of batches.
 
-        `passes`: cuts samples into the counts that `add_pass` takes.
+        `passes`: cuts samples into passes.
         """
         if not self._world.surface.has_objects:
             return
@@ -148,11 +160,11 @@ class FrameInProgress:
             if not len(pixels):
                 break
             since, seed = int(self.samples[pixels[0]]), (self._seed_number + k * ROUND) & 0xFFFFFFFF
-            for count in passes(spp // (4 * self._batch) * 4 * self._batch):
-                yield from self.add_pass(count, pixels, seed, since)
+            for some in passes(spp // (4 * self._batch) * 4 * self._batch):
+                yield from self.add_passes(some, pixels, seed, since)
 
-    def sample_again(self, counts: Sequence[int]) -> None:
-        """Sample some pixels a second time, in passes of so many samples as they had, to tell how noisy all are."""
+    def sample_again(self, passes: Sequence[Passes]) -> None:
+        """Sample some pixels a second time, in such passes as they had, to tell how noisy all are."""
         import drjit as dr
         import mitsuba as mi
 
@@ -160,26 +172,29 @@ class FrameInProgress:
 
         chosen = error_estimate.chosen(len(self.samples))
         seed = dr.opaque(mi.UInt32, (self._seed_number + AGAIN) & 0xFFFFFFFF)
-        done = 0
-        self._again = sum(counts)
-        for count in counts:
-            for first, end, batches in self._launches(len(chosen), count):
-                some = chosen[first:end]
-                job = self._job(some, np.full(len(some), done), count, seed)
-                self._film.open(len(some), batches, counted=False)
+        done = np.zeros(len(chosen), np.int64)
+        self._again = sum(x.samples * x.times for x in passes)
+        for of in passes:
+            for first, end, times in self._launches(len(chosen), of):
+                some, batches = chosen[first:end], times * (of.samples // self._batch)
+                job = self._job(some, done[first:end], of.samples, times, seed)
+                self._film.open(len(some), batches, times, counted=False)
                 trace_pass(self._world, self._view, self._film, job)
                 self._film.keep(first, len(some), batches, len(chosen))
-            done += count
+                done[first:end] += times * of.samples
 
-    def _launches(self, pixels: int, count: int) -> Iterator[tuple[int, int, int]]:
-        """(first and end of the pixels, batches of each) of every launch of `count` samples of so many pixels."""
-        batches = count // self._batch
-        row = 24 * max(len(self.layers.names), 1) * batches * (2 if self._world.surface.has_objects else 1)
-        step = min(LANES // count, max(LAUNCH_BYTES // row, 1))
-        return ((first, min(first + step, pixels), batches) for first in range(0, pixels, step))
+    def _launches(self, pixels: int, passes: Passes) -> Iterator[tuple[int, int, int]]:
+        """(first and end of the pixels, how many passes) of every launch."""
+        row = 24 * max(len(self.layers.names), 1) * (passes.samples // self._batch)
+        row *= 2 if self._world.surface.has_objects else 1
+        step = min(LANES // passes.samples, max(LAUNCH_BYTES // row, 1))
+        most = max(min(FEW_LANES // passes.samples, step) // max(pixels, 1), 1)
+        for done in range(0, passes.times, most):
+            for first in range(0, pixels, step):
+                yield first, min(first + step, pixels), min(most, passes.times - done)
 
-    def _job(self, pixels: NDArray[np.int64], before: NDArray[np.int64], count: int, seed: UInt32) -> Pass:
-        """`count` more samples of each of some pixels, which have so many."""
+    def _job(self, pixels: NDArray[np.int64], before: NDArray[np.int64], count: int, passes: int, seed: UInt32) -> Pass:
+        """Passes of `count` more samples of each of some pixels, which have so many."""
         import drjit as dr
         import mitsuba as mi
 
@@ -187,7 +202,7 @@ class FrameInProgress:
         from mirelight.lighting.kernel.paths import Pass
 
         return Pass(
-            lanes=len(pixels) * count,
+            lanes=passes * len(pixels) * count,
             count=dr.opaque(mi.UInt32, len(pixels)),
             pixels=integers(pixels),
             first_samples=integers(before),

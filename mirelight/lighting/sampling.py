@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.base.progress import CountProgress
-from mirelight.lighting.frame import PASS, FrameInProgress
+from mirelight.lighting.frame import PASS, FrameInProgress, Passes
 from mirelight.model import Camera, RenderSettings
 
 _PINHOLE = 0x9E3779B1  # between the seeds of pinholes that share a picture
@@ -32,15 +32,15 @@ def with_pilot(settings: RenderSettings) -> RenderSettings:
 
 def sample_all(frame: FrameInProgress, settings: RenderSettings, progress: CountProgress) -> None:
     """Passes until every pixel has its samples, then more of the noisy ones while the noise is above its target."""
-    size, counts = len(frame.samples), _passes(settings.spp)
-    for count in counts:
-        for done in frame.add_pass(count):
+    size, passes = len(frame.samples), _passes(settings.spp)
+    for some in passes:
+        for done in frame.add_passes(some):
             progress(done, settings.spp * size)
     if settings.noise is None:
         for done in frame.add_rounds(settings.spp, _passes):
             progress(min(done, settings.spp * size), settings.spp * size)
     if settings.noise is None and not settings.denoise and settings.spp > 1:
-        frame.sample_again(counts)
+        frame.sample_again(passes)
     while settings.noise is not None:
         estimate = frame.estimate()
         wanted = estimate.wanted(settings.noise)
@@ -48,10 +48,12 @@ def sample_all(frame: FrameInProgress, settings: RenderSettings, progress: Count
             break
         total = int(wanted.sum())
         while len(noisy := np.flatnonzero(frame.samples < wanted)):
-            for done in frame.add_pass(PASS, noisy):
+            fewest = int((wanted - frame.samples)[noisy].min())
+            for done in frame.add_passes(Passes(PASS, -(-fewest // PASS)), noisy):
                 progress(done, total)
 
 
-def _passes(spp: int) -> list[int]:
-    """Samples of each pass: powers of two, PASS at most."""
-    return [PASS] * (spp // PASS) + [1 << k for k in range(PASS.bit_length() - 2, -1, -1) if spp % PASS >> k & 1]
+def _passes(spp: int) -> list[Passes]:
+    """So many samples in passes of PASS, and what is left by its powers of two."""
+    left = [Passes(1 << k) for k in range(PASS.bit_length() - 2, -1, -1) if spp % PASS >> k & 1]
+    return [Passes(PASS, spp // PASS), *left] if spp >= PASS else left

@@ -22,7 +22,7 @@ from mirelight.base.progress import CountProgress
 from mirelight.lighting import sky_guiding
 from mirelight.lighting.cell_reading import on_device
 from mirelight.lighting.develop import refuse_if_too_large, refuse_if_too_many, refuse_if_too_many_rays
-from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy
+from mirelight.lighting.frame import PASS, FrameInProgress, LitProxy, Passes
 from mirelight.lighting.layers import Layers
 from mirelight.model import (
     F32,
@@ -298,9 +298,8 @@ def _own(
     seed = (settings.seed + 0x9E3779B9 * (number + 1)) & 0xFFFFFFFF
     alone = replace(settings, spp=samples, noise=None, denoise=False, seed=seed, max_depth=1)
     frame = FrameInProgress(lit, row, layers, alone, aovs=False, view=CellPoints(of), irradiance=True)
-    for _ in range(max(samples // PASS, 1)):
-        for done in frame.add_pass(min(samples, PASS)):
-            progress(done)
+    for done in frame.add_passes(Passes(min(samples, PASS), max(samples // PASS, 1))):
+        progress(done)
     made = np.stack([x.direct[0] for x in frame.develop().layers])
     return _Own(made[:count], made[count], made[count + 1])
 

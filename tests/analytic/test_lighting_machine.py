@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mirelight.base.errors import RenderError
-from mirelight.lighting import Interrupted, Tracer
+from mirelight.lighting import Interrupted, Tracer, frame
 from mirelight.model import (
     AreaLight,
     Camera,
@@ -94,6 +94,26 @@ def test_the_bits_do_not_depend_on_the_number_of_threads() -> None:
     assert len(printed(_IN_THREADS, "1", "2", "3", "7")) == 1
 
 
+@pytest.mark.parametrize("settings", [RenderSettings(spp=25), RenderSettings(spp=48, denoise=True)])
+def test_passes_that_share_a_launch_are_those_that_have_their_own(
+    settings: RenderSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tracer, sky = Tracer(sphere(rings=8), settings), Lighting(lights=(LAMP,), environment=constant_sky(0.5))
+    shared = tracer.trace(sky, VIEW)
+    monkeypatch.setattr(frame, "FEW_LANES", 0)
+    alone = tracer.trace(sky, VIEW)
+    for name in ("beauty", "coverage", "position", "albedo", "sun_visibility", "ambient_occlusion", "samples"):
+        one, other = getattr(shared, name), getattr(alone, name)
+        assert (one is None) == (other is None)
+        if one is not None:
+            np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6, err_msg=name)
+    np.testing.assert_allclose(shared.variance, alone.variance, rtol=1e-3, atol=1e-7)
+    for one, other in zip(shared.layers, alone.layers, strict=True):
+        for part in ("half", "quarter", "other_quarter"):
+            if getattr(one, part) is not None:
+                np.testing.assert_allclose(getattr(one, part), getattr(other, part), rtol=1e-5, atol=1e-6)
+
+
 def test_a_film_that_cannot_fit_is_refused_before_it_is_allocated() -> None:
     lamps = tuple(replace(LAMP, name=str(k)) for k in range(60))
     huge = VIEW.resized(40_000, 40_000)
@@ -101,7 +121,8 @@ def test_a_film_that_cannot_fit_is_refused_before_it_is_allocated() -> None:
         Tracer(sphere(rings=4), RenderSettings(spp=1)).trace(Lighting(lights=lamps), huge)
 
 
-def test_an_interrupt_gives_what_there_was() -> None:
+def test_an_interrupt_gives_what_there_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frame, "FEW_LANES", 0)  # each pass is a launch
     tracer = Tracer(sphere(rings=8), RenderSettings(spp=160))
     sun = Lighting(lights=(DirectionalLight(name="sun", direction=np.array([0.5, -1, -0.3]), intensity=3.0),))
 

@@ -303,6 +303,7 @@ def test_an_interrupt_between_adding_samples_and_counting_them_waits(monkeypatch
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(frame, "TILE", 0)  # a tile's sequence is cut by how many samples a pixel is to have
+    monkeypatch.setattr(frame, "FEW_LANES", 0)  # each pass is a launch
     monkeypatch.setattr(Film, "close", interrupted)
     with pytest.raises(Interrupted) as caught:
         tracer.trace(lighting, VIEW)

@@ -175,7 +175,7 @@ class DeviceCells:
             sums = film.add_light(sums, vertex.place, layer, mi.Bool(True), value, of.read)
             if dr.hint(self.doubtful, mode="scalar"):
                 doubt = of.scale * rgb(self.doubt, layer * self.count + of.cell, of.read)
-                film.add_doubt(vertex.pixel, layer, doubt, of.read)
+                film.add_doubt(vertex.spot, layer, doubt, of.read)
             layer += 1
         return sums
 

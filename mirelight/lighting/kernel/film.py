@@ -30,7 +30,8 @@ class Film:
     again: (layer, pixel of `error_estimate.chosen`, rgb) over its second samples; only once `keep` was called.
     doubt: (layer, pixel, rgb) half the difference of two fills of the cells that were read; only where some are.
 
-    A launch writes its light by batch, into a buffer of its own that `close` adds to the film.
+    A launch writes into buffers of its own, light by batch and the rest by pass, which `close` adds to the film. There
+    a path's `spot` is its pass times the launch's pixels plus pixel, its `place` likewise with its batch.
     """
 
     def __init__(
@@ -53,18 +54,18 @@ class Film:
         self._counted = dr.opaque(mi.Bool, True)
         self._parts = dr.zeros(mi.Float, count * 2 * pixels * 3 if parts else 1)
         self._doubt = dr.zeros(mi.Float, count * pixels * 3) if doubt else None
-        self._launch = mi.Float(0)
-        self._stride = mi.UInt32(0)
+        self._launch, self._launch_surface, self._launch_doubt = mi.Float(0), mi.Float(0), mi.Float(0)
+        self._spots, self._stride = mi.UInt32(0), mi.UInt32(0)
         dr.eval(self._light, self._squares, self._surface, self._parts, self._doubt)
 
     # --- in the kernel ---
 
     @property
     def second_half(self) -> tuple[UInt32, UInt32]:
-        """How far the pixels and the places of a launch lie on, of paths that begin on objects."""
-        return self._pixels, self._layers * self._stride
+        """How far the spots and the places of a launch lie on, of paths that begin on objects."""
+        return self._spots, self._layers * self._stride
 
-    def add_surface(self, pixel: UInt32, at: Point, depth: Float, active: Bool, cover: Float | None = None) -> None:
+    def add_surface(self, spot: UInt32, at: Point, depth: Float, active: Bool, cover: Float | None = None) -> None:
         """Adds the surface point that one sample meets; `cover`: how much it counts; None: as one."""
         p, n, g, a = at.p, at.normal, at.geometric_normal, at.albedo
         groups: tuple[Vector4f | Vector2f, ...] = (
@@ -75,19 +76,20 @@ class Film:
         )
         for k, group in enumerate(groups):
             _add(
-                self._surface,
+                self._launch_surface,
                 group if cover is None else group * cover,
-                pixel * (SURFACE // len(group)) + k * (4 // len(group)),
+                spot * (SURFACE // len(group)) + k * (4 // len(group)),
                 active & self._counted,
             )
 
-    def add_openness(self, pixel: UInt32, sunlit: Float, unoccluded: Float, active: Bool) -> None:
+    def add_openness(self, spot: UInt32, sunlit: Float, unoccluded: Float, active: Bool) -> None:
         """How much of the suns' light and of the hemisphere one sample's surface point sees, 0 to 1 each."""
-        _add(self._surface, mi.Vector2f(sunlit, unoccluded), pixel * (SURFACE // 2) + 7, active & self._counted)
+        place = spot * (SURFACE // 2) + 7
+        _add(self._launch_surface, mi.Vector2f(sunlit, unoccluded), place, active & self._counted)
 
-    def add_doubt(self, pixel: UInt32, layer: UInt32, value: Vector3f, active: Bool) -> None:
+    def add_doubt(self, spot: UInt32, layer: UInt32, value: Vector3f, active: Bool) -> None:
         """By how much one sample would be darker in one of two fills, and brighter in the other; with its sign."""
-        _add(self._doubt, value, layer * self._pixels + pixel, active & self._counted)
+        _add(self._launch_doubt, value, layer * self._spots + spot, active & self._counted)
 
     def no_sums(self) -> PathSums:
         """What a path begins with; None where layers are separate."""
@@ -102,7 +104,7 @@ class Film:
         value: Vector3f,
         active: Bool,
     ) -> PathSums:
-        """Radiance that one source brings, Vector3f; `place` is batch times the launch's pixels plus pixel.
+        """Radiance that one source brings, Vector3f.
 
         Where layers are not separate the film is left for `add_sums`: returned are the path's (direct, indirect).
         """
@@ -124,17 +126,21 @@ class Film:
 
     # --- between kernels ---
 
-    def open(self, pixels: int, batches: int, *, counted: bool = True) -> None:
-        """Room for one launch, (layer, direct and indirect, batch, pixel, rgb).
+    def open(self, pixels: int, batches: int, passes: int, *, counted: bool = True) -> None:
+        """Room for one launch: light (layer, direct and indirect, batch, pixel, rgb), doubt (layer, pass, pixel, rgb)
+        and surface (pass, pixel, SURFACE).
 
         Not counted: a launch for `keep`, which leaves the surface and the doubt as they are.
         """
         self._counted = dr.opaque(mi.Bool, counted)
-        self._stride = dr.opaque(mi.UInt32, batches * pixels)
+        spots = passes * pixels
+        self._spots, self._stride = dr.opaque(mi.UInt32, spots), dr.opaque(mi.UInt32, batches * pixels)
         self._launch = dr.zeros(mi.Float, self._layer_count * 2 * batches * pixels * 3)
-        dr.eval(self._launch)
+        self._launch_surface = dr.zeros(mi.Float, self._halves * spots * SURFACE)
+        self._launch_doubt = dr.zeros(mi.Float, 1 if self._doubt is None else self._layer_count * spots * 3)
+        dr.eval(self._launch, self._launch_surface, self._launch_doubt)
 
-    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int) -> None:
+    def close(self, pixels: UInt32, first_batches: UInt32, count: int, batches: int, passes: int) -> None:
         """Run what has been recorded, then add the launch to the film.
 
         Args:
@@ -142,8 +148,9 @@ class Film:
             first_batches: UInt32 (count,) how many batches each had before.
             count: pixels of the launch.
             batches: of each pixel in the launch.
+            passes: of the launch.
         """
-        dr.eval(self._launch, self._surface, self._doubt)
+        dr.eval(self._launch, self._launch_surface, self._launch_doubt)
         n, b = dr.opaque(mi.UInt32, count * 3), dr.opaque(mi.UInt32, batches)
         lane = dr.arange(mi.UInt32, self._layer_count * count * 3)
         layer = lane // n
@@ -161,7 +168,11 @@ class Film:
             even, fourth = _part_sums(self._launch, first, before, b, n)
             _put(self._parts, even, layer * 2 * row + place)
             _put(self._parts, fourth, (layer * 2 + 1) * row + place)
-        dr.eval(self._light, self._squares, self._parts)
+        times = dr.opaque(mi.UInt32, passes)
+        if self._doubt is not None:
+            _put(self._doubt, _sums(self._launch_doubt, layer * times * n + here, times, n), layer * row + place)
+        dr.eval(self._light, self._squares, self._parts, self._doubt)
+        self._close_surface(pixels, count, times)
         if self.separate:
             here = dr.arange(mi.UInt32, count * 3)
             place = 3 * dr.gather(mi.UInt32, pixels, here // 3) + here % 3
@@ -170,7 +181,20 @@ class Film:
                 squares = _squared_batches(self._launch, here + half * rows * b * n, b, n, rows)
                 _put(self._squares, squares, (self._layers + half) * row + place)
             dr.eval(self._squares)
-        self._launch = mi.Float(0)
+        self._forget_launch()
+
+    def _close_surface(self, pixels: UInt32, count: int, passes: UInt32) -> None:
+        lane, n = dr.arange(mi.UInt32, self._halves * count * SURFACE), dr.opaque(mi.UInt32, count * SURFACE)
+        half = lane // n
+        here = lane - half * n
+        pixel = half * self._pixels + dr.gather(mi.UInt32, pixels, here // SURFACE)
+        sums = _sums(self._launch_surface, half * passes * n + here, passes, n)
+        _put(self._surface, sums, pixel * SURFACE + here % SURFACE)
+        dr.eval(self._surface)
+
+    def _forget_launch(self) -> None:
+        """Ends a launch: what it wrote is in the film."""
+        self._launch, self._launch_surface, self._launch_doubt = mi.Float(0), mi.Float(0), mi.Float(0)
         dr.sync_thread()
 
     def keep(self, first: int, count: int, batches: int, pixels: int) -> None:
@@ -193,8 +217,7 @@ class Film:
         place = layer * dr.opaque(mi.UInt32, 3 * pixels) + dr.opaque(mi.UInt32, 3 * first) + here
         _put(self._again, direct + indirect, place)
         dr.eval(self._again)
-        self._launch = mi.Float(0)
-        dr.sync_thread()
+        self._forget_launch()
 
     def beauty(self) -> tuple[F32, F32, F32, F32 | None]:
         """NumPy arrays, flat: the beauty's sums (pixel, rgb), those of its squared batches, samples that hit, and the
@@ -203,7 +226,7 @@ class Film:
         size = dr.width(self._surface) // SURFACE * 3
         lane, row = dr.arange(mi.UInt32, size), 3 * self._pixels
         half, rows = lane // row, 2 * self._layers // self._halves
-        total = _row_sums(self._light, lane + half * (rows - 1) * row, rows, row)
+        total = _sums(self._light, lane + half * (rows - 1) * row, rows, row)
         hits = dr.gather(mi.Float, self._surface, dr.arange(mi.UInt32, size // 3) * SURFACE)
         doubt = None if self._doubt is None else self._doubt.numpy().reshape(-1, size).sum(axis=0)
         return total.numpy(), self._squares.numpy()[-size:], hits.numpy(), doubt
@@ -265,7 +288,8 @@ def _squared_batches(launch: Float, place: UInt32, batches: UInt32, stride: UInt
 
 
 @dr.syntax
-def _row_sums(rows: Float, place: UInt32, count: UInt32, stride: UInt32) -> Float:
+def _sums(rows: Float, place: UInt32, count: UInt32, stride: UInt32) -> Float:
+    """Of so many rows from a place on."""
     total, row = mi.Float(0), mi.UInt32(0)
     while row < count:
         total += dr.gather(mi.Float, rows, row * stride + place)

@@ -33,12 +33,12 @@ ROULETTE_FROM = 4  # bounces that are never cut short; earlier roulette costs no
 
 
 class Pass(NamedTuple):
-    """Which samples of which pixels one launch takes: lanes go pixel by pixel, 2^log2_samples of each.
+    """Which samples of which pixels one launch takes: pass after pass lanes go pixel by pixel, 2^log2_samples of each.
 
     Neighbouring lanes share a pixel, so their rays are traced together; a pixel of one each costs 1.4 times as much.
     """
 
-    lanes: int
+    lanes: int  # of all passes
     count: UInt32  # pixels of this launch
     pixels: UInt32  # (count,) the film's pixel of each
     first_samples: UInt32  # (count,) how many samples each has already
@@ -69,7 +69,7 @@ class _Lane(NamedTuple):
     """Whose path a lane follows, for all of its bounces; see `lamps._Given`."""
 
     sample: UInt32
-    pixel: UInt32
+    spot: UInt32
     place: UInt32
     stream: UInt32
 
@@ -87,12 +87,12 @@ class _Sampled(NamedTuple):
 def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     """Trace one pass and add it to the film."""
     steps = _Steps(world, film, job)
-    pixel, place, sample, stream = _samples(view, film, job)
+    pixel, spot, place, sample, stream = _samples(view, film, job)
     covered, face, uv, d, crossed = view.first_hit(world.surface, pixel, sample, stream)
     active = mi.Bool(covered)
     seen = world.surface.at(face, uv, d, active)
-    pixel, place = steps.part_of_film(pixel, place, face)
-    film.add_surface(pixel, steps.shown(seen), view.depth(seen.p), active, None if crossed is None else crossed.cover)
+    spot, place = steps.part_of_film(spot, place, face)
+    film.add_surface(spot, steps.shown(seen), view.depth(seen.p), active, None if crossed is None else crossed.cover)
 
     depth = mi.UInt32(0)
     sums = film.no_sums()
@@ -101,7 +101,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     sunlit, unoccluded = mi.Float(0), mi.Float(0)  # what the first hit sees of the suns and of the hemisphere
     distance, pdf = mi.Float(0), mi.Float(0)  # of the ray that came here
     scattered = steps.not_scattered()  # by something rougher than a mirror
-    lane = _Lane(sample, pixel, place, stream)
+    lane = _Lane(sample, spot, place, stream)
     while active:
         came = Arrival(face, uv, d, distance, pdf)
         salt = mix(lane.stream, depth + 1)
@@ -142,22 +142,24 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
 
     film.add_sums(sums, place, covered)
     if dr.hint(film.aovs, mode="scalar"):
-        film.add_openness(pixel, sunlit, unoccluded, covered)
+        film.add_openness(spot, sunlit, unoccluded, covered)
 
 
 @dr.syntax
-def _samples(view: View, film: Film, job: Pass) -> tuple[UInt32, UInt32, UInt32, UInt32]:
-    """(the film's pixel, place in its launch, number in its sequence, random stream) of each lane's sample."""
+def _samples(view: View, film: Film, job: Pass) -> tuple[UInt32, UInt32, UInt32, UInt32, UInt32]:
+    """(the film's pixel, spot and place in its launch, number in its sequence, random stream) of each lane's sample."""
     lane = dr.arange(mi.UInt32, job.lanes)
-    of_launch = lane >> job.log2_samples
-    within = lane & ((mi.UInt32(1) << job.log2_samples) - 1)
-    place = (within >> job.log2_batch) * job.count + of_launch  # of this sample's batch in the film's launch
+    spot = lane >> job.log2_samples
+    number = spot // job.count  # of the pass
+    of_launch = spot - number * job.count
+    within = (number << job.log2_samples) + (lane & ((mi.UInt32(1) << job.log2_samples) - 1))
+    place = (within >> job.log2_batch) * job.count + of_launch  # of this sample's batch
     pixel = dr.gather(mi.UInt32, job.pixels, of_launch)
     of_pixel = dr.gather(mi.UInt32, job.first_samples, of_launch) + within
     sample, stream = view.sequence(pixel, of_pixel, job.tiles, job.seed)
     if dr.hint(film.in_parts, mode="scalar"):  # every fourth batch owes the others nothing
         stream = dr.select(((of_pixel >> job.log2_batch) & 3) == 3, mix(stream, 0x5BD1E995), stream)
-    return pixel, place, sample, stream
+    return pixel, spot, place, sample, stream
 
 
 class _Steps:
@@ -182,13 +184,13 @@ class _Steps:
             return self.surface.detail.of(came.face, came.uv, at.albedo, sharp & (depth > 0))
         return dr.select(depth == 0, 1, at.albedo) if self.job.irradiance else at.albedo
 
-    def part_of_film(self, pixel: UInt32, place: UInt32, face: UInt32) -> tuple[UInt32, UInt32]:
-        """Pixel and place of a path in the film: paths that objects begin have a half of it of their own."""
+    def part_of_film(self, spot: UInt32, place: UInt32, face: UInt32) -> tuple[UInt32, UInt32]:
+        """Spot and place of a path in its launch: paths that objects begin have a half of it of their own."""
         if not self.surface.has_objects:
-            return pixel, place
+            return spot, place
         inserted = self.surface.is_inserted(face)
-        pixels, places = self.film.second_half
-        return pixel + dr.select(inserted, pixels, 0), place + dr.select(inserted, places, 0)
+        spots, places = self.film.second_half
+        return spot + dr.select(inserted, spots, 0), place + dr.select(inserted, places, 0)
 
     def shown(self, seen: Point) -> Point:
         """A first hit as the film has it; of lobes alone the albedo is the metal's share of the surface."""

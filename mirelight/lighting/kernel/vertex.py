@@ -23,8 +23,8 @@ class Vertex(NamedTuple):
     """One hit of a path."""
 
     sample: UInt32  # the path's number in its sequence
-    pixel: UInt32  # of the film
-    place: UInt32  # in the film's launch
+    spot: UInt32  # in the film's launch: the path's pass and pixel
+    place: UInt32  # there, too: its batch and pixel
     salt: UInt32  # of this hit's random numbers
     at: Point
     depth: UInt32  # hits before this one

@@ -8,7 +8,9 @@ Source: PlayCanvas 2.23, `env-lighting.js`, `reproject-texture.js`, chunks ambie
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,22 +51,52 @@ def ambient_tile(environment: Environment) -> F64:
     """(HEIGHT, WIDTH, 3) mean radiance about each direction of the map, seam included, before encoding."""
     if environment.is_constant:
         return np.broadcast_to(environment.pixels[0, 0].astype(np.float64) * _RGBE_GAIN, (HEIGHT, WIDTH, 3))
-    levels = _cube_levels(environment.pixels.astype(np.float64) * _RGBE_GAIN)
+    first, shares = _shares()
+    levels = _cube_levels(environment.pixels.astype(np.float64) * _RGBE_GAIN)[first:]
+    return np.asarray(shares @ np.concatenate([x.reshape(-1, 3) for x in levels])).reshape(HEIGHT, WIDTH, 3)
+
+
+@lru_cache(maxsize=1)
+def _shares() -> tuple[int, F64]:
+    """(the finest mip level that samples come from; how much each texel of that and of all coarser ones brings to each
+    direction of the map (HEIGHT * WIDTH, texels)): of all environments alike."""
     local, level = _samples()
+    last = FACE.bit_length() - 1
+    lower = np.minimum(np.floor(level).astype(np.int64), last)
+    ends = [0, *np.flatnonzero(np.diff(lower)) + 1, SAMPLES]  # samples go from fine levels to coarse ones
+    first = int(lower[0])
+    sizes = [FACE >> k for k in range(first, last + 1)]
+    starts = np.cumsum([0, *(6 * n * n for n in sizes)])
     longitude = np.pi * (2 * (np.arange(WIDTH) + 0.5 - SEAM) / (WIDTH - 2 * SEAM) - 1)
     latitude = np.pi / 2 * (1 - 2 * (np.arange(HEIGHT) + 0.5 - SEAM) / (HEIGHT - 2 * SEAM))
-    rows = []
+    rows, of_row = [], np.arange(WIDTH)[:, None] * starts[-1]
     for angle in latitude:
-        normal = np.stack(
-            [np.cos(angle) * np.sin(longitude), np.full(WIDTH, np.sin(angle)), np.cos(angle) * np.cos(longitude)],
-            axis=-1,
-        )
-        right = np.cross([0.0, 1.0, 0.0], normal)
-        right /= np.linalg.norm(right, axis=-1, keepdims=True)
-        frame = np.stack([right, np.cross(normal, right), normal], axis=-1)  # (WIDTH, 3, 3)
-        directions = np.einsum("wij,sj->wsi", frame, local).reshape(-1, 3)
-        rows.append(_trilinear(levels, directions, np.tile(level, WIDTH)).reshape(WIDTH, SAMPLES, 3).mean(axis=1))
-    return np.stack(rows)
+        face, s, t = _on_cube(np.einsum("wij,sj->wsi", _frames(angle, longitude), local))
+        row = np.zeros(WIDTH * starts[-1])
+        for a, b in pairwise(ends):
+            k = int(lower[a])
+            blend = level[a:b] - k if k < last else np.zeros(b - a)
+            for m, share in ((k, 1 - blend), (min(k + 1, last), blend)):
+                for place, weight in _around(sizes[m - first], face[:, a:b], s[:, a:b], t[:, a:b]):
+                    index = of_row + starts[m - first] + place
+                    row += np.bincount(index.ravel(), (weight * share).ravel(), len(row))
+        rows.append(row.reshape(WIDTH, -1) / SAMPLES)
+    return first, np.concatenate(rows)
+
+
+def _frames(latitude: float, longitude: F64) -> F64:
+    """(W, 3, 3) right, up and the direction itself as columns, of directions of the map."""
+    normal = np.stack(
+        [
+            np.cos(latitude) * np.sin(longitude),
+            np.full(len(longitude), np.sin(latitude)),
+            np.cos(latitude) * np.cos(longitude),
+        ],
+        axis=-1,
+    )
+    right = np.cross([0.0, 1.0, 0.0], normal)
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    return np.stack([right, np.cross(normal, right), normal], axis=-1)
 
 
 def _samples() -> tuple[F64, F64]:
@@ -84,17 +116,8 @@ def _samples() -> tuple[F64, F64]:
 
 def _cube_levels(radiance: F64) -> list[F64]:
     """The map as cubes (6, n, n, 3), n = FACE down to 1; faces in OpenGL's order and orientation."""
-    n = FACE * _SUBSAMPLES
-    t, s = np.meshgrid(2 * (np.arange(n) + 0.5) / n - 1, 2 * (np.arange(n) + 0.5) / n - 1, indexing="ij")
-    one = np.ones_like(s)
-    axes = ((one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one))
-    h, w = radiance.shape[:2]
-    faces = []
-    for x, y, z in axes:
-        column = (np.floor((np.arctan2(x, z) / (2 * np.pi) + 0.5) * w)).astype(np.int64) % w
-        row = np.floor((0.5 - np.arcsin(y / np.sqrt(x * x + y * y + z * z)) / np.pi) * h).astype(np.int64)
-        faces.append(radiance[np.clip(row, 0, h - 1), column])
-    level = _halved(_halved(np.stack(faces)))
+    faces = radiance.reshape(-1, 3)[_texels(*radiance.shape[:2])]
+    level = _halved(_halved(faces))
     levels = [level]
     while level.shape[1] > 1:
         level = _halved(level)
@@ -102,41 +125,48 @@ def _cube_levels(radiance: F64) -> list[F64]:
     return levels
 
 
+@lru_cache(maxsize=2)
+def _texels(h: int, w: int) -> NDArray[np.int32]:
+    """(6, n, n) which of a map's texels each of the cube's subsamples takes, n = FACE * _SUBSAMPLES."""
+    n = FACE * _SUBSAMPLES
+    t, s = np.meshgrid(2 * (np.arange(n) + 0.5) / n - 1, 2 * (np.arange(n) + 0.5) / n - 1, indexing="ij")
+    one = np.ones_like(s)
+    axes = ((one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one))
+    faces = []
+    for x, y, z in axes:
+        column = (np.floor((np.arctan2(x, z) / (2 * np.pi) + 0.5) * w)).astype(np.int32) % w
+        row = np.floor((0.5 - np.arcsin(y / np.sqrt(x * x + y * y + z * z)) / np.pi) * h).astype(np.int32)
+        faces.append(np.clip(row, 0, h - 1) * w + column)
+    return np.stack(faces)
+
+
 def _halved(faces: F64) -> F64:
     count, n = faces.shape[:2]
     return np.asarray(faces.reshape(count, n // 2, 2, n // 2, 2, 3).mean(axis=(2, 4)))
 
 
-def _trilinear(levels: list[F64], directions: F64, level: F64) -> F64:
-    """Cube lookup (N, 3), between two mip levels."""
-    x, y, z = directions.T
+def _on_cube(directions: F64) -> tuple[NDArray[np.int64], F64, F64]:
+    """(face, s, t) of directions (..., 3)."""
+    x, y, z = np.moveaxis(directions, -1, 0)
     size = np.abs(directions)
-    axis = size.argmax(axis=1)
-    face = 2 * axis + (np.take_along_axis(directions, axis[:, None], axis=1)[:, 0] < 0)
-    s = np.choose(face, [-z, z, x, x, x, -x]) / size.max(axis=1)
-    t = np.choose(face, [-y, -y, z, -z, -y, -y]) / size.max(axis=1)
-    last = len(levels) - 1
-    lower = np.minimum(np.floor(level).astype(np.int64), last)
-    blend = np.where(lower < last, level - lower, 0)[:, None]
-    out = np.empty((len(directions), 3))
-    for k in np.unique(lower):
-        own = lower == k
-        near = _on_face(levels[k], face[own], s[own], t[own])
-        far = _on_face(levels[min(k + 1, last)], face[own], s[own], t[own])
-        out[own] = near * (1 - blend[own]) + far * blend[own]
-    return out
+    axis = size.argmax(axis=-1)
+    face = 2 * axis + (np.take_along_axis(directions, axis[..., None], axis=-1)[..., 0] < 0)
+    s = np.choose(face, [-z, z, x, x, x, -x]) / size.max(axis=-1)
+    t = np.choose(face, [-y, -y, z, -z, -y, -y]) / size.max(axis=-1)
+    return face, s, t
 
 
-def _on_face(cube: F64, face: NDArray[np.int64], s: F64, t: F64) -> F64:
-    """Bilinear, within one face: neighbours across an edge are left out."""
-    n = cube.shape[1]
+def _around(n: int, face: NDArray[np.int64], s: F64, t: F64) -> Iterator[tuple[NDArray[np.int64], F64]]:
+    """(texel of a cube of n texels an edge, weight) of each of the four that are blended, within one face: neighbours
+    across an edge are left out."""
     x, y = (np.clip((v + 1) / 2 * n - 0.5, 0, n - 1) for v in (s, t))
     x0, y0 = np.minimum(x.astype(np.int64), max(n - 2, 0)), np.minimum(y.astype(np.int64), max(n - 2, 0))
-    x1, y1 = np.minimum(x0 + 1, n - 1), np.minimum(y0 + 1, n - 1)
-    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
-    upper = cube[face, y0, x0] * (1 - fx) + cube[face, y0, x1] * fx
-    lower = cube[face, y1, x0] * (1 - fx) + cube[face, y1, x1] * fx
-    return np.asarray(upper * (1 - fy) + lower * fy)
+    fx, fy, beside = x - x0, y - y0, min(1, n - 1)
+    corner = (face * n + y0) * n + x0
+    yield corner, (1 - fx) * (1 - fy)
+    yield corner + beside, fx * (1 - fy)
+    yield corner + n * beside, (1 - fx) * fy
+    yield corner + (n + 1) * beside, fx * fy
 
 
 # --- the tile --------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -106,17 +107,23 @@ def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     tree = cKDTree(own)
     on_mesh = spread(vertices, faces, TUNING.advice_points)
 
-    def distance(points: F64) -> float:
+    def distance(points: F64, most: float = math.inf) -> float:
+        """Infinity where it is `most` or more."""
         # of the mesh the nearer half alone: the rest may be what no camera saw
-        there, back = cKDTree(points).query(own)[0], np.sort(tree.query(points)[0])[: len(points) // 2]
-        return float(np.mean(np.minimum(there, capture.radius))) + float(np.mean(np.minimum(back, capture.radius)))
+        back = np.sort(tree.query(points)[0])[: len(points) // 2]
+        half = float(np.mean(np.minimum(back, capture.radius)))
+        if half >= most:
+            return math.inf
+        there = cKDTree(points).query(own)[0]
+        return float(np.mean(np.minimum(there, capture.radius))) + half
 
     now = distance(on_mesh)
     floor = distance(own[::2]) + 0.01 * capture.radius  # points of the same surface lie that far apart anyway
     best: tuple[float, _Guess] | None = None
     for guess in _guesses(on_mesh, capture.middle, own):
-        found = distance(turned(on_mesh, guess.pose[:3, :3]) + guess.pose[:3, 3]) * guess.cost
-        if found < TUNING.advice_better * now and found < 3 * floor and (best is None or found < best[0]):
+        most = min(TUNING.advice_better * now, 3 * floor, math.inf if best is None else best[0])
+        found = distance(turned(on_mesh, guess.pose[:3, :3]) + guess.pose[:3, 3], most / guess.cost) * guess.cost
+        if found < most:
             best = found, guess
     return None if best is None else best[1]
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,10 +13,11 @@ import pytest
 from mirelight.base import conventions
 from mirelight.cli.proxy import table
 from mirelight.io.mesh import transform
-from mirelight.model import Camera, ProxyMesh, SplatCloud
+from mirelight.model import F32, Camera, ProxyMesh, SplatCloud
 from mirelight.proxy import judge
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.depth import DepthMaps
 from mirelight.proxy.views import turned
 
 from .clouds import on_surface
@@ -27,6 +31,26 @@ BLOCKS = (
 )  # an L that no half turn maps to itself
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _looked_at_once() -> Iterator[None]:
+    """Many meshes are judged against the same splats, which are looked at from each side once."""
+    judging = importlib.import_module("mirelight.proxy.judge")
+    around, sides = judging.around, dict[tuple[int, int, int], tuple[Camera, ...]]()
+
+    def taken(means: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
+        key = id(means), count, pixels  # of a capture that is kept
+        if key not in sides:
+            sides[key] = around(means, radius, count, pixels)
+        return sides[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("look_at_capture", "DepthMaps", "slanted"):
+            patch.setattr(judging, name, cache(getattr(judging, name)))
+        patch.setattr(judging, "around", taken)
+        patch.setattr(DepthMaps, "of", cache(DepthMaps.of))
+        yield
+
+
 def mesh() -> ProxyMesh:
     """Two boxes: corner and size."""
     quads = np.array(SIDES)
@@ -36,6 +60,7 @@ def mesh() -> ProxyMesh:
     return ProxyMesh(vertices=vertices.astype(np.float32), faces=both.astype(np.int32))
 
 
+@cache
 def splats(thin: float = 0.2) -> SplatCloud:
     """Flat splats all over both boxes."""
     step = 0.04

@@ -325,8 +325,8 @@ class _Compared:
     def _apart(self, a: F64) -> Iterator[F64]:
         """As `Pairs.apart`, (P,) of each channel."""
         for of_channel, (first, second) in zip(a, self.bounded, strict=True):
-            d = of_channel[self.pairs.a]
-            d -= of_channel[self.pairs.b]
+            d = of_channel.take(self.pairs.a)
+            d -= of_channel.take(self.pairs.b)
             yield surely(d, first, second)
 
 

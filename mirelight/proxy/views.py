@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -80,9 +81,12 @@ def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
     )
 
 
+@lru_cache(maxsize=4)  # by identity: steps ask for those of one view again and again
 def rays(camera: Camera) -> tuple[F64, F64]:
-    """Origins and directions (H, W, 3), as :meth:`Camera.rays`."""
-    return camera.rays()
+    """Origins and directions (H, W, 3), as :meth:`Camera.rays`; not to be written to."""
+    origins, directions = camera.rays()
+    directions.flags.writeable = False
+    return origins, directions
 
 
 def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +15,28 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, Deferred, Job, Lighting, PointLight, ProxyMesh, SplatCloud, SpotLight
 from mirelight.pipeline.job_diagnostics import Check, check, hidden_lights
 from mirelight.proxy.capture import take
+from tests.proxy.looked_at import once
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 PROXY = 'proxy={path="proxy.glb",transform=%s}'
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _looked_at_once() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        once(patch)
+        yield
+
+
 def job_of(scene: str, *overrides: str) -> Job:
     plain = ["resolution=[160,90]", 'proxy={path="proxy.glb"}', """cameras_from={path="proxy",transform="none"}"""]
-    return mirelight.load(SCENES / scene / "job.toml", [*plain, *overrides])
+    job = mirelight.load(SCENES / scene / "job.toml", [*plain, *overrides])
+    return replace(job, splats=splats_of(scene))
+
+
+@cache
+def splats_of(scene: str) -> Deferred[SplatCloud] | None:
+    return mirelight.load(SCENES / scene / "job.toml").splats
 
 
 def kinds(found: Check) -> list[str]:

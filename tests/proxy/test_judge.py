@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -13,14 +12,14 @@ import pytest
 from mirelight.base import conventions
 from mirelight.cli.proxy import table
 from mirelight.io.mesh import transform
-from mirelight.model import F32, Camera, ProxyMesh, SplatCloud
+from mirelight.model import Camera, ProxyMesh, SplatCloud
 from mirelight.proxy import judge
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import look_at_capture
-from mirelight.proxy.depth import DepthMaps
 from mirelight.proxy.views import turned
 
 from .clouds import on_surface
+from .looked_at import once
 from .meshes import split
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
@@ -33,21 +32,8 @@ BLOCKS = (
 
 @pytest.fixture(autouse=True, scope="module")
 def _looked_at_once() -> Iterator[None]:
-    """Many meshes are judged against the same splats, which are looked at from each side once."""
-    judging = importlib.import_module("mirelight.proxy.judge")
-    around, sides = judging.around, dict[tuple[int, int, int], tuple[Camera, ...]]()
-
-    def taken(means: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
-        key = id(means), count, pixels  # of a capture that is kept
-        if key not in sides:
-            sides[key] = around(means, radius, count, pixels)
-        return sides[key]
-
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("look_at_capture", "DepthMaps", "slanted"):
-            patch.setattr(judging, name, cache(getattr(judging, name)))
-        patch.setattr(judging, "around", taken)
-        patch.setattr(DepthMaps, "of", cache(DepthMaps.of))
+        once(patch)
         yield
 
 

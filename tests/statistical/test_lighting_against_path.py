@@ -11,6 +11,7 @@ from ztest import Array, worst_and_allowed
 
 from mirelight.base import backend, conventions
 from mirelight.lighting import Tracer
+from mirelight.lighting.frame import FrameInProgress
 from mirelight.model import (
     AreaLight,
     Camera,
@@ -99,6 +100,12 @@ def _sky(rows: int = 128) -> Environment:
     sun = 60 * np.exp(40 * (way @ (np.array([0.6, 0.6, 0.53]) / np.linalg.norm([0.6, 0.6, 0.53])) - 1))
     radiance = 0.3 + 0.3 * way[..., 1:2] + 0.1 * way + sun[..., None] * np.array([1.0, 0.9, 0.7])
     return Environment(radiance=np.maximum(radiance, 0).astype(np.float32), rotation=25.0)
+
+
+@pytest.fixture(autouse=True)
+def _noise_is_told_by_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not by second samples, which no picture holds."""
+    monkeypatch.setattr(FrameInProgress, "sample_again", lambda *_: None)
 
 
 def our_pictures(proxy: ProxyMesh, lighting: Lighting, max_depth: int, *, layers: bool = True) -> Array:

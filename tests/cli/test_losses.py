@@ -212,6 +212,7 @@ def test_workers_that_meet_a_full_disk_all_end(folder: Path) -> None:
         capture_output=True,
         text=True,
         check=False,
+        env=environment(PYTHONDONTWRITEBYTECODE="1"),  # which Python would cut off, and fail by ever after
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
     )
     assert done.returncode == 2 and "Traceback" not in done.stderr

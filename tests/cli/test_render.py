@@ -21,7 +21,7 @@ from mirelight.io.gltf.write import write_glb
 from mirelight.io.image import read_fingerprint
 from mirelight.model import PointLight, ProxyMesh
 
-from .conftest import COMMAND, JOB, Run
+from .conftest import COMMAND, JOB, Run, environment
 
 FRAMES = [f"{camera}.{lighting}" for camera in ("front", "orbit.0001", "orbit.0002") for lighting in ("day", "night")]
 MANY = ["--set", "cameras[1].frames=400", "--camera", "orbit", "--lighting", "night"]  # enough to be interrupted
@@ -241,7 +241,8 @@ def test_a_full_disk_leaves_nothing_half_written(run: Run, folder: Path) -> None
         resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, size // 2))
 
     command = [*COMMAND, *arguments, "--out", "full"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=limit)
+    env = environment(PYTHONDONTWRITEBYTECODE="1")  # which Python would cut off, and fail by ever after
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, preexec_fn=limit, env=env)
     assert done.returncode == 2, done.stderr
     assert "front.night.exr: cannot be written" in done.stderr
     assert files(folder / "full") == []

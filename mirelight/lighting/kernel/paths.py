@@ -85,7 +85,7 @@ class _Sampled(NamedTuple):
 
 @dr.syntax
 def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
-    """Trace one pass and add it to the film."""
+    """Trace the passes of one launch and add them to the film."""
     steps = _Steps(world, film, job)
     pixel, spot, place, sample, stream = _samples(view, film, job)
     covered, face, uv, d, crossed = view.first_hit(world.surface, pixel, sample, stream)

@@ -97,7 +97,7 @@ class Prepared:
     @cached_property
     def views(self) -> tuple[SplatLayer, ...]:
         """What the capture's cameras see, where colours are taken from that and not from single splats: of splats that
-        are no discs, where the cameras are known."""
+        are no discs, where the cameras are known or can be guessed."""
         from mirelight.proxy.capture_views import capture_views
 
         job = self.job

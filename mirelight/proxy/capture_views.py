@@ -17,7 +17,9 @@ from mirelight.base.errors import InputError
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
 from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
 from mirelight.model.scene import SOLID
+from mirelight.proxy.guessed import taken_from
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import ProxySettings
 
 
 def are_discs(splats: SplatCloud) -> bool:
@@ -36,7 +38,8 @@ def capture_views(
     threads: int | None = None,
     report: Callable[[str], None] | None = None,
 ) -> tuple[SplatLayer, ...]:
-    """What the cameras of the capture see; of discs, where nothing tells it better, none.
+    """What the cameras of the capture see; where none are known, guessed ones, if the splats tell of any; of discs,
+    where nothing tells it better, none.
 
     Args:
         splats: world space.
@@ -47,7 +50,10 @@ def capture_views(
         threads: worker threads, process-wide; None: as they are.
         report: gets a line on pictures that are not used.
     """
-    if not cameras or (not any(pictures) and are_discs(splats)):
+    if not any(pictures) and are_discs(splats):
+        return ()
+    cameras = cameras or taken_from(splats, ProxySettings(variant=variant, threads=threads))
+    if not cameras:
         return ()
     from mirelight.compositor import Compositor
 

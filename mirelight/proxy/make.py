@@ -19,6 +19,7 @@ from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.ground import carried_on
+from mirelight.proxy.guessed import guessed
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened, fog_of
@@ -46,10 +47,10 @@ def make(
     """A triangle mesh that stands for the surface of splats.
 
     Discs (fitted surfels) become cells: pieces of their planes, cut by their neighbours. Other captures are looked at
-    through their cameras, or from around where those are not known, and the depth maps are smoothed, moved onto the
-    planes that they show, and fused. Where the capture's cameras are known, depths are put right by what is seen from
-    there, and what was not seen is closed against light. The mesh is decided, to the bit, by the splats (of their
-    colours by what does not change with the view), by the cameras and by the settings other than `threads`.
+    through their cameras; where those are not known, through such as their view-dependent colours tell of, or from
+    around. The depth maps are smoothed, moved onto the planes that they show, and fused. Where cameras are known or
+    told, depths are put right by what is seen from there, and what was not seen is closed against light. The mesh is
+    decided, to the bit, by the splats, by the cameras and by the settings other than `threads`.
 
     Args:
         splats: the capture, in world space.
@@ -74,19 +75,22 @@ def make(
         maps = DepthMaps(capture, settings)
         soup = cells_of(capture, settings, part(report, 0.05, 0.9))
     else:
+        if not there and settings.views == "auto":
+            report("guessing where it was taken from", 0.02)
+            there = list(guessed(splats, capture, settings))
         through = fewer(there) if there else _around(capture)
         capture = replace(
             capture, spacing=max(capture.spacing, TUNING.make_grain * footprint(through, capture.splats.means))
         )
         maps = DepthMaps(capture, settings)
         views = [maps.of(camera) for camera in counted(through, part(report, 0.05, 0.3))]
-        _refuse_depth(capture, maps, views, len(there), source)
+        _refuse_depth(capture, maps, views, len(cameras), source)
         if not there:
             views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
         report("smoothing depth maps", 0.4)
         views = [slanted(view, capture.spacing) for view in views]
         if there:
-            views = agreed(views, settings, capture.spacing, part(report, 0.45, 0.6))
+            views = agreed(views, settings, capture.spacing, part(report, 0.45, 0.6), guessed=not cameras)
         soup = _fused(capture, views, part(report, 0.6, 0.9))
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
@@ -96,7 +100,7 @@ def make(
     report("judging the proxy", 0.9)
     quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
     whole = soup
-    if cameras:
+    if there:
         whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0)))
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),

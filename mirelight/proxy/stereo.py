@@ -128,7 +128,9 @@ class Pixels:
         return Planes(np.maximum(planes.depth * (1 + way * self.side), planes.depth * 0.1), planes.normal)
 
 
-def agreed(views: Sequence[DepthMap], settings: ProxySettings, spacing: float, report: ShareProgress) -> list[DepthMap]:
+def agreed(
+    views: Sequence[DepthMap], settings: ProxySettings, spacing: float, report: ShareProgress, *, guessed: bool = False
+) -> list[DepthMap]:
     """The views with the surface where what they show agrees on one.
 
     Args:
@@ -136,6 +138,7 @@ def agreed(views: Sequence[DepthMap], settings: ProxySettings, spacing: float, r
         settings: of these the variant and its threads.
         spacing: of the splats, world units.
         report: hears how far it is.
+        guessed: no pictures were taken where the views are: what some look through may be there.
 
     Returns:
         The maps; as they are where too few look at one place, or what they show does not agree.
@@ -160,7 +163,7 @@ def agreed(views: Sequence[DepthMap], settings: ProxySettings, spacing: float, r
         return list(views)
     # of a room, what is in doubt counts as before: see `fog_of`
     doubt = TUNING.stereo_doubt if fog_of(views) else 1.0
-    merged = _Merged(pixels, planes, found, through & ~found, spacing, doubt)
+    merged = _Merged(pixels, planes, found, through & ~found & (not guessed), spacing, doubt)
     return [merged.view(k, white[k]) for k in range(len(views))]
 
 

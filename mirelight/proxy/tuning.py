@@ -177,6 +177,26 @@ class Tuning:
     inside_apart: float = 0.6  # of the clearance: the more, the farther places lie from each other
     inside_inner: float = 0.8  # of the box: where places may be
 
+    # where a capture was taken from (`guessed`)
+    guess_opaque: float = 0.2  # opacity of splats that tell
+    guess_fewest: int = 500  # of them
+    guess_sample: int = 4_000  # of them that are asked
+    guess_grid: int = 20  # candidates along the box's longest side
+    guess_flat: float = 0.25  # of the longest side: a flat box is asked that far above and below
+    guess_around: int = 150  # around the box, at each distance
+    guess_away: tuple[float, ...] = (1.1, 1.5, 2.2, 3.2)  # of the radius
+    guess_clear: float = 1.3  # times the median of all that the best has: real ones 3, even noise 1.1
+    guess_worth: float = 0.8  # of the best, that others have
+    guess_near: float = 0.9  # of the best, that the best of a distance has, past which none is sought
+    guess_room: float = 0.4  # of how far off things usually are: a tenth of a view may be nearer
+    guess_small: float = 0.2  # of a view's size, in which that is told
+    guess_places: int = 24
+    guess_ways: int = 100  # directions that are tried
+    guess_views: int = 64  # that are taken
+    guess_sides: int = 8  # directions in which it is told whether a place has room
+    guess_yfov: float = 60.0  # degrees
+    guess_pixels: int = 280  # along a side
+
     # what a capture is (`capture`)
     capture_surfel: float = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)
     # of the splats, that are as thin as that: real captures have medians of 0.04 to 0.3, three quarters 0.2

@@ -88,6 +88,7 @@ class _Plan:
     shooting: Shooting | None = None  # of the pictures that splats are trained on; None: discs on the true surface
 
 
+YARD = Shooting(iterations=1600, most=60_000)
 PLANS = (
     _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
     _Plan("courtyard", "courtyard_walk", "courtyard, walked round", "hard sun", ("evening", "night", "day")),
@@ -126,6 +127,7 @@ PLANS = (
     _Plan(
         "glazed", "glazed", "glazed, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
     ),
+    _Plan("yard", "yard", "yard, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=YARD),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -137,6 +139,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "sunroom": ((1.65, 1.5, 1.4), (-0.75, 0.75, -0.6), 58),
     "plinth": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "glazed": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
+    "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
 }
 
 

@@ -77,7 +77,8 @@ def looks() -> Looks:
     return Looks(soups=soups(_ground() + _thing() + _hedges()), surfaces=surfaces())
 
 
-def _sky(azimuth: float, elevation: float, level: float) -> Environment:
+def blue(azimuth: float, elevation: float, level: float) -> Environment:
+    """A clear sky with a sun in that direction, its disc left out."""
     look = Sky(
         zenith=(0.20 * level, 0.34 * level, 0.62 * level),
         horizon=(0.55 * level, 0.62 * level, 0.72 * level),
@@ -88,19 +89,24 @@ def _sky(azimuth: float, elevation: float, level: float) -> Environment:
     return Environment(name="sky", radiance=sky(look, 64))
 
 
-def _clear(name: str, at: tuple[float, float], color: tuple[float, float, float], lux: float, level: float) -> Lighting:
+def clear(name: str, at: tuple[float, float], color: tuple[float, float, float], lux: float, level: float) -> Lighting:
+    """A clear sky: a sun at azimuth and elevation in degrees, of so many lux, and blue of so much of that of noon."""
     disc = SunLight(name="sun", direction=-towards(*at), color=np.array(color), intensity=lux, angular_diameter=0.53)
-    return Lighting(name=name, lights=(disc,), environment=_sky(*at, level))
+    return Lighting(name=name, lights=(disc,), environment=blue(*at, level))
+
+
+def clouds() -> Lighting:
+    """A sky of clouds, without a sun."""
+    cloudy = Sky(
+        zenith=(0.9, 0.95, 1.0), horizon=(0.7, 0.75, 0.8), ground=(0.2, 0.18, 0.14), glow=(0, 0, 0), sun=towards(0, 90)
+    )
+    return Lighting(name="clouds", environment=Environment(name="clouds", radiance=sky(cloudy, 64)))
 
 
 def recipe() -> Recipe:
     """How the scene is made."""
-    cloudy = Sky(
-        zenith=(0.9, 0.95, 1.0), horizon=(0.7, 0.75, 0.8), ground=(0.2, 0.18, 0.14), glow=(0, 0, 0), sun=towards(0, 90)
-    )
-    clouds = Lighting(name="clouds", environment=Environment(name="clouds", radiance=sky(cloudy, 64)))
     warm = PointLight(name="lamp", position=np.array([0.9, 1.6, 0.7]), color=np.array([1.0, 0.7, 0.42]), intensity=1.6)
-    night = Lighting(name="lamp", lights=(warm,), environment=_sky(0, 8, 0.12))
+    night = Lighting(name="lamp", lights=(warm,), environment=blue(0, 8, 0.12))
     orbit = []
     for k in range(CAMERAS):  # twice round, nearer and farther, as a person does it
         turn, away, high = 4 * np.pi * k / CAMERAS, (1.5, 2.1)[k % 2], (1.5, 1.15, 1.75)[k % 3]
@@ -111,8 +117,8 @@ def recipe() -> Recipe:
         name="plinth",
         title="A vase on a plinth, captured on a clear day; relit by a low sun, clouds and a lamp.",
         looks=looks,
-        captured=_clear("clear day", (35, 42), (1.0, 0.94, 0.85), 2.4, 0.9),
-        lightings=(_clear("low sun", (160, 16), (1.0, 0.6, 0.3), 2.6, 0.5), clouds, night),
+        captured=clear("clear day", (35, 42), (1.0, 0.94, 0.85), 2.4, 0.9),
+        lightings=(clear("low sun", (160, 16), (1.0, 0.6, 0.3), 2.6, 0.5), clouds(), night),
         cameras=(front,),
         orbit=tuple(orbit),
         pixels_per_splat=3.0,

@@ -107,6 +107,7 @@ def test_passes_that_share_a_launch_are_those_that_have_their_own(
         assert (one is None) == (other is None)
         if one is not None:
             np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6, err_msg=name)
+    assert shared.variance is not None and alone.variance is not None
     np.testing.assert_allclose(shared.variance, alone.variance, rtol=1e-3, atol=1e-7)
     for one, other in zip(shared.layers, alone.layers, strict=True):
         for part in ("half", "quarter", "other_quarter"):

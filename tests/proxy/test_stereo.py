@@ -107,6 +107,19 @@ def test_what_hangs_before_the_surface_is_moved_onto_it_or_left_out() -> None:
     assert after < 0.1 * before
 
 
+def test_what_guessed_views_look_through_stays() -> None:
+    """No picture was taken there: what they show behind it may be the fog between the places of those."""
+
+    def floating(depth: F64) -> F64:
+        rows, columns = np.indices(depth.shape)
+        return np.where((rows // 8 % 3 == 1) & (columns // 8 % 3 == 1), 0.5 * depth, depth)
+
+    views, _ = capture(floating)
+    kept = [agreed(views, SETTINGS, 0.03, quiet, guessed=x) for x in (False, True)]
+    shown = [np.mean([(v.depth > 0).mean() for v in x]) for x in kept]
+    assert shown[0] < shown[1] == 1.0
+
+
 def test_views_of_nothing_common_change_nothing() -> None:
     """Noise, as captures show whose poses are off: what splats tell stays, to the bit."""
     views, _ = capture(lambda d: d * 0.97)

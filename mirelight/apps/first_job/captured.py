@@ -25,20 +25,21 @@ def find(world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None,
     Args:
         world: the splats, in world space.
         proxy: the mesh that fits them.
-        cameras: the capture's, that colours are looked at from.
+        cameras: the capture's, that colours are looked at from; None: from guessed ones, where splats tell of any.
         turn: (3, 3) rotation from the splats' axes to the world.
     """
     from mirelight.estimate import estimate
     from mirelight.estimate.describe import doubted
     from mirelight.io.mesh import read_mesh
     from mirelight.lighting import captured_level
+    from mirelight.proxy.capture_views import capture_views
 
     mesh = read_mesh(proxy.path, textures=False)
     if proxy.turned:
         mesh = replace(mesh, vertices=(mesh.vertices @ turn.T.astype(np.float32)), normals=None)
     settings = RenderSettings()
     try:
-        views = () if cameras is None else cameras.views(world, turn)
+        views = capture_views(world, ()) if cameras is None else cameras.views(world, turn)
         found = estimate(world, mesh, settings, views=views)
     except RenderError:
         return None

@@ -1,0 +1,148 @@
+"""Where a capture was taken from, guessed of its splats, where no one says it.
+
+An optimiser begins with colours that do not depend on the view, and moves the view-dependent part of a splat by what
+pictures show of it alone: so that part is largest in the directions that cameras saw it from, and small in all others.
+Places that most splats are that large towards are where cameras stood: in the middle of a room, on a ring about a
+thing, before a house, none beneath a floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mirelight.base import sh
+from mirelight.base.errors import InputError
+from mirelight.compositor import Compositor
+from mirelight.model import F64, Camera, SplatCloud
+from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import ProxySettings
+from mirelight.proxy.views import lattice, moved
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
+    """Cameras in the capture's own space; none where splats do not tell: they have no view-dependent part, or it is as
+    large in all directions.
+
+    Args:
+        splats: world space, with their spherical harmonics.
+        capture: what was seen in them.
+        settings: of these the variant and its threads.
+    """
+    told = _told(splats, capture)
+    if told is None:
+        return ()
+    places = _with_room(_places(told, capture), capture, settings)
+    return tuple(_camera(place, way, capture, f"guessed-{i}") for i, (place, way) in enumerate(_views(told, places)))
+
+
+def taken_from(splats: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
+    """:func:`guessed`, in world space; none of splats without a surface."""
+    try:
+        capture = look_at_capture(splats, "splats")
+    except InputError:
+        return ()
+    return tuple(moved(camera, capture.middle) for camera in guessed(splats, capture, settings))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Told:
+    """Splats that tell where they were seen from."""
+
+    means: F64  # (N, 3) in the capture's space
+    rest: F64  # (N, K) their view-dependent part, of which the square's mean over all directions is 1
+    degree: int
+
+    def large(self, place: F64) -> F64:
+        """(N,) how large that part is, squared, in the direction from a place (3,)."""
+        away = self.means - place
+        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30)
+        return np.asarray((sh.basis(away, self.degree)[:, 1:] * self.rest).sum(axis=1) ** 2)
+
+
+def _told(splats: SplatCloud, capture: Capture) -> _Told | None:
+    degree = sh.degree_of(splats.sh.shape[1])
+    if degree == 0:
+        return None
+    means = splats.means.astype(np.float64) - capture.middle
+    near = (np.abs(means) <= capture.half).all(axis=1) & (splats.opacities > TUNING.guess_opaque)
+    rows = np.flatnonzero(near & (splats.sh[:, 1:] != 0).any(axis=(1, 2)))
+    if len(rows) < TUNING.guess_fewest:
+        return None
+    rows = rows[:: max(len(rows) // TUNING.guess_sample, 1)]
+    rest = (splats.sh[rows, 1:].astype(np.float64) * LUMINANCE).sum(axis=2)
+    size = np.sqrt((rest**2).sum(axis=1, keepdims=True) / (4 * np.pi))
+    return _Told(means[rows], rest / np.maximum(size, 1e-30), degree)
+
+
+def _places(told: _Told, capture: Capture) -> F64:
+    """(P, 3) places, far from each other."""
+    shells = list(_candidates(capture))
+    worths = [np.array([np.median(told.large(place)) for place in shell]) for shell in shells]
+    best = max(float(x.max()) for x in worths)
+    # far off, a place is told by its direction alone: nearer ones that are as good show more
+    farthest = next(k for k, x in enumerate(worths) if x.max() > TUNING.guess_near * best)
+    candidates, worth = (np.concatenate(x[: farthest + 1]) for x in (shells, worths))
+    if best < TUNING.guess_clear * float(np.median(worth)):
+        return np.zeros((0, 3))
+    left = candidates[worth > TUNING.guess_worth * best]
+    if not len(left):
+        return left
+    chosen = [int(np.argmin(np.linalg.norm(left - left.mean(axis=0), axis=1)))]
+    apart = np.linalg.norm(left - left[chosen[0]], axis=1)
+    while len(chosen) < min(TUNING.guess_places, len(left)):
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.linalg.norm(left - left[chosen[-1]], axis=1))
+    return left[chosen]
+
+
+def _camera(place: F64, way: F64, capture: Capture, name: str) -> Camera:
+    size = TUNING.guess_pixels
+    return Camera.look_at(place, place + way, size, size, yfov=TUNING.guess_yfov, near=1e-3 * capture.radius, name=name)
+
+
+def _with_room(places: F64, capture: Capture, settings: ProxySettings) -> F64:
+    """(Q, 3) of the places (P, 3) those not inside of things: there all that is seen is far nearer than elsewhere."""
+    compositor = Compositor(capture.splats, variant=settings.variant, threads=settings.threads)
+    nearest, middle = [], []
+    for place in places:
+        views = (_camera(place, way, capture, "") for way in lattice(TUNING.guess_sides))
+        depth = np.concatenate([compositor.composite(x.scaled(TUNING.guess_small)).median_depth.ravel() for x in views])
+        seen = depth[depth > 0]
+        nearest.append(float(np.quantile(seen, 0.1)) if len(seen) else 0.0)
+        middle.append(float(np.median(seen)) if len(seen) else 0.0)
+    return places[np.array(nearest) > TUNING.guess_room * np.median(middle or [0.0])]
+
+
+def _candidates(capture: Capture) -> Iterator[F64]:
+    """(N, 3) of places in the capture's box, which is no flatter than a person stands high, and around it."""
+    longest = float(capture.half.max())
+    step = 2 * longest / TUNING.guess_grid
+    lines = [np.arange(-h + step / 2, h, step) for h in np.maximum(capture.half, TUNING.guess_flat * longest)]
+    yield np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    for away in TUNING.guess_away:
+        yield away * capture.radius * lattice(TUNING.guess_around)
+
+
+def _views(told: _Told, places: F64) -> Iterator[tuple[F64, F64]]:
+    """Places (3,) and unit directions of views: each shows as much as it can of what those before it show least of."""
+    ways = lattice(TUNING.guess_ways)
+    narrow = np.cos(np.radians(TUNING.guess_yfov / 2))
+    shown = []  # by view: the splats that are large towards it
+    for place in places:
+        away = told.means - place
+        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30)
+        large = told.large(place) > 1
+        shown += [large & ((away * way).sum(axis=1) > narrow) for way in ways]
+    seen, times = np.array(shown, np.float32).reshape(-1, len(told.means)), np.zeros(len(told.means), np.float32)
+    for _ in range(min(TUNING.guess_views, len(seen))):
+        worth = (seen / (1 + times)).sum(axis=1)
+        k = int(np.argmax(worth))
+        times += seen[k]
+        seen[k] = 0
+        yield places[k // len(ways)], ways[k % len(ways)]

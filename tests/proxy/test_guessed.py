@@ -1,0 +1,111 @@
+"""Where a capture was taken from, told by view-dependent colours whose cameras are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mirelight.base import sh
+from mirelight.base.conventions import rotation_from_quaternion
+from mirelight.model import F64, Camera, SplatCloud
+from mirelight.proxy import ProxySettings
+from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.guessed import guessed
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.views import moved
+
+from .clouds import box_shell, on_surface, sphere_points, square
+
+SETTINGS = ProxySettings()
+RING = np.stack(
+    [2.2 * np.sin(np.arange(24) * np.pi / 12), np.full(24, 1.0), 2.2 * np.cos(np.arange(24) * np.pi / 12)], 1
+)
+
+
+@pytest.fixture(autouse=True)
+def fewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A seventh of the splats is asked: these scenes have little noise."""
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(TUNING, guess_sample=600))
+
+
+def thing() -> SplatCloud:
+    """A ball on a floor."""
+    floor, up = square(5.0, 0.1, 1, 0.0)
+    ball = sphere_points(1500)
+    points = np.concatenate([floor, 0.5 * ball + np.array([0, 0.5, 0])])
+    return on_surface(points, np.concatenate([up, ball]), 0.05, thin=0.3)
+
+
+def coloured(cloud: SplatCloud, eyes: F64, *, closed: bool = True) -> SplatCloud:
+    """With colours that steps down a gradient from none give, each camera pulling in its own direction by chance.
+
+    Of what is `closed`, splats that turn their backs to a camera are not seen by it.
+    """
+    normals = rotation_from_quaternion(cloud.quats)[:, :, 2]
+    chance = np.random.default_rng(3)
+    rest = np.zeros((len(cloud), 15, 3))
+    for eye in eyes:
+        way = cloud.means - eye
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        seen = np.where(closed & ((way * normals).sum(axis=1) > 0), 0.0, 1.0)[:, None, None]
+        rest += seen * sh.basis(way, 3)[:, 1:, None] * chance.normal(size=(len(cloud), 1, 3))
+    return replace(cloud, sh=np.concatenate([cloud.sh[:, :1], 0.02 * rest], axis=1).astype(np.float32))
+
+
+def found(cloud: SplatCloud) -> tuple[Capture, tuple[Camera, ...]]:
+    capture = look_at_capture(cloud, "here")
+    return capture, tuple(moved(x, capture.middle) for x in guessed(cloud, capture, SETTINGS))
+
+
+def test_a_ring_about_a_thing_is_found_again() -> None:
+    _, cameras = found(coloured(thing(), RING))
+    eyes = np.array([x.position for x in cameras])
+    away = np.linalg.norm(eyes[:, None] - RING, axis=2).min(axis=1)
+    assert len(cameras) > 20
+    assert eyes[:, 1].min() > 0.3  # none beneath the floor
+    assert np.median(away) < 0.8  # of a ring 2.2 wide
+    turn = np.degrees(np.arctan2(eyes[:, 0], eyes[:, 2])) % 360
+    assert len(np.unique(turn // 45)) >= 7  # from all around
+    down = np.array([-x.world_from_camera[1, 2] for x in cameras])
+    assert np.mean(down < 0) > 0.8
+
+
+def test_a_room_is_looked_at_from_inside() -> None:
+    shell = box_shell(4.0, 0.08, thin=0.3)
+    inside = np.random.default_rng(5).uniform(-0.8, 0.8, (30, 3))
+    _, cameras = found(coloured(shell, inside, closed=False))
+    assert cameras
+    assert np.abs([x.position for x in cameras]).max() < 1.8
+
+
+def test_one_side_alone_is_looked_at_from_there() -> None:
+    front = RING[RING[:, 2] > 0.5]
+    _, cameras = found(coloured(thing(), front))
+    assert np.median([x.position[2] for x in cameras]) > 0.8
+
+
+def test_colours_that_tell_nothing_give_no_cameras() -> None:
+    """None that depend on the view, and such as are as large in all directions."""
+    plain = thing()
+    noise = np.random.default_rng(1).normal(size=(len(plain), 15, 3))
+    even = replace(plain, sh=np.concatenate([plain.sh, 0.05 * noise], axis=1).astype(np.float32))
+    assert not found(plain)[1]
+    assert not found(even)[1]
+
+
+def test_no_camera_stands_inside_of_a_thing() -> None:
+    """A ring so near that its middle is told as well as the ring."""
+    near = RING * [0.45, 0.5, 0.45]
+    _, cameras = found(coloured(thing(), near))
+    inside = [np.linalg.norm(x.position - [0, 0.5, 0]) < 0.45 for x in cameras]
+    assert len(cameras) > 10
+    assert not any(inside)
+
+
+def test_twice_the_same_bits_by_any_number_of_threads() -> None:
+    cloud = coloured(thing(), RING)
+    capture = look_at_capture(cloud, "here")
+    once, again = (guessed(cloud, capture, replace(SETTINGS, threads=n)) for n in (1, 2))
+    assert all((a.world_from_camera == b.world_from_camera).all() for a, b in zip(once, again, strict=True))

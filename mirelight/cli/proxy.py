@@ -126,6 +126,8 @@ def _made(
         how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
         if cameras:
             how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"
+        elif made.guessed:
+            how += f"; from {made.guessed} guessed views, as no cameras are given: --cameras is surer"
         return how, made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
     looked = seen_by(cameras) if cameras else None

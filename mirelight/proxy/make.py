@@ -107,6 +107,7 @@ def make(
         method=method,
         quality=quality,
         unseen=len(whole.faces) - len(soup.faces),
+        guessed=0 if cameras else len(there),
         seconds=time.monotonic() - began,
     )
 

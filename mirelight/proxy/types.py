@@ -86,6 +86,7 @@ class MadeProxy:
     method: Method
     quality: ProxyQuality  # of the surface that was seen
     unseen: int  # triangles of the mesh, its last, that close what no camera saw against light
+    guessed: int  # views that it was looked at from, where its cameras are not known but splats tell of them; 0: none
     seconds: float  # that it took
 
 

@@ -9,12 +9,13 @@ import pytest
 
 from mirelight.base import sh
 from mirelight.base.conventions import rotation_from_quaternion
+from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera, SplatCloud
-from mirelight.proxy import ProxySettings
+from mirelight.proxy import ProxySettings, make
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.guessed import guessed
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.views import moved
+from mirelight.proxy.views import lattice, moved
 
 from .clouds import box_shell, on_surface, sphere_points, square
 
@@ -109,3 +110,16 @@ def test_twice_the_same_bits_by_any_number_of_threads() -> None:
     capture = look_at_capture(cloud, "here")
     once, again = (guessed(cloud, capture, replace(SETTINGS, threads=n)) for n in (1, 2))
     assert all((a.world_from_camera == b.world_from_camera).all() for a, b in zip(once, again, strict=True))
+
+
+def test_a_proxy_is_made_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The walls of a room stand where they are, seen from inside."""
+    small = replace(TUNING, guess_sample=600, guess_views=24, guess_pixels=80)
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", small)
+    shell = box_shell(4.0, 0.16, thin=0.3)
+    inside = np.random.default_rng(5).uniform(-0.8, 0.8, (30, 3))
+    cloud = coloured(replace(shell, opacities=np.full(len(shell), 0.8, np.float32)), inside, closed=False)
+    made = make(cloud)
+    assert made.guessed == 24
+    _, away = Sight(made.mesh).first_hits(np.zeros((200, 3)), lattice(200))
+    assert np.abs(away * np.abs(lattice(200)).max(axis=1) - 2.0).max() < 0.16

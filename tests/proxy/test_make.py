@@ -42,7 +42,7 @@ def volume(mesh: ProxyMesh) -> float:
 
 def test_a_ball_of_splats_becomes_a_ball() -> None:
     mesh = made_ball().mesh
-    assert made_ball().method == "depth"
+    assert made_ball().method == "depth" and made_ball().guessed == 0
     radius = np.linalg.norm(mesh.vertices.astype(np.float64), axis=1)
     spacing = np.sqrt(4 * np.pi / BALL)
     assert np.abs(radius - 1).max() < spacing  # discs stand out of a ball, by a part of their size

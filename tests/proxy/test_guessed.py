@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mirelight.apps.first_job.view import best
 from mirelight.base import sh
 from mirelight.base.conventions import rotation_from_quaternion
 from mirelight.lighting.sight import Sight
@@ -110,6 +111,13 @@ def test_twice_the_same_bits_by_any_number_of_threads() -> None:
     capture = look_at_capture(cloud, "here")
     once, again = (guessed(cloud, capture, replace(SETTINGS, threads=n)) for n in (1, 2))
     assert all((a.world_from_camera == b.world_from_camera).all() for a, b in zip(once, again, strict=True))
+
+
+def test_a_first_picture_is_taken_from_there() -> None:
+    cloud = coloured(thing(), RING)
+    told, untold = (best(x, "here").camera.position for x in (cloud, replace(cloud, sh=cloud.sh[:, :1])))
+    near, far = (np.linalg.norm(RING - x, axis=1).min() for x in (told, untold))
+    assert near < 1.3 < far
 
 
 def test_a_proxy_is_made_from_there(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,8 @@ from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.model import F64, Camera, SplatCloud, SplatLayer
 from mirelight.proxy.depth import pixels_of
+from mirelight.proxy.guessed import taken_from
+from mirelight.proxy.types import ProxySettings
 
 YFOV = 40.0  # degrees
 ROOM_YFOV = 60.0
@@ -50,7 +52,8 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     Args:
         cloud: in the world, +Y up.
         source: whom to name in an error.
-        captured: cameras of the capture in the same world; where there are any, it stands where one of these did.
+        captured: cameras of the capture in the same world, it stands where one of these did; none: where one is
+            guessed to have stood, if the splats tell.
         outside: whether it is known to be no room, closed as it may be.
 
     Raises:
@@ -70,6 +73,8 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     points = points[:: max(1, len(points) // 4000)] if len(points) else solid
     compositor = Compositor(cloud)
     room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+    if not captured:
+        captured = [_wide(x) for x in taken_from(cloud, ProxySettings())]
     views = [x for c in captured[:: -(-len(captured) // _MOST_CAPTURED) or 1] if (x := _within(c, radius)) is not None]
     worth = [_share(points, x) for x in views]
     if not views:
@@ -94,6 +99,12 @@ def _bounds(points: F64) -> tuple[F64, F64]:
     least, low, high, most = np.quantile(points, [0.001, 0.01, 0.99, 0.999], axis=0)
     beyond = _FLOATING * (high - low)
     return np.where(low - least <= beyond, least, low), np.where(most - high <= beyond, most, high)
+
+
+def _wide(camera: Camera) -> Camera:
+    """From where a camera stands, the same way, with a lens as rooms are shown by: it stands amid of what it shows."""
+    ahead = -camera.world_from_camera[:3, 2]
+    return Camera.look_at(camera.position, camera.position + ahead, _WIDTH, _HEIGHT, yfov=ROOM_YFOV, name=camera.name)
 
 
 def _within(camera: Camera, radius: float) -> Camera | None:

@@ -115,9 +115,7 @@ def test_what_guessed_views_look_through_stays() -> None:
         return np.where((rows // 8 % 3 == 1) & (columns // 8 % 3 == 1), 0.5 * depth, depth)
 
     views, _ = capture(floating)
-    kept = [agreed(views, SETTINGS, 0.03, quiet, guessed=x) for x in (False, True)]
-    shown = [np.mean([(v.depth > 0).mean() for v in x]) for x in kept]
-    assert shown[0] < shown[1] == 1.0
+    assert all((x.depth > 0).all() for x in agreed(views, SETTINGS, 0.03, quiet, guessed=True))
 
 
 def test_views_of_nothing_common_change_nothing() -> None:

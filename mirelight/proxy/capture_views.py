@@ -14,6 +14,7 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.base.errors import InputError
+from mirelight.compositor import Compositor
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
 from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
 from mirelight.model.scene import SOLID
@@ -55,8 +56,6 @@ def capture_views(
     cameras = cameras or taken_from(splats, ProxySettings(variant=variant, threads=threads))
     if not cameras:
         return ()
-    from mirelight.compositor import Compositor
-
     compositor = Compositor(splats, variant=variant, threads=threads)
     step = -(-len(cameras) // MOST_VIEWS)
     views = [compositor.composite(x.resized(*view_size(x.width, x.height))) for x in cameras[::step]]

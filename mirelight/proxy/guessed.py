@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirelight.base import sh
+from mirelight.base import colour, sh
 from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
 from mirelight.model import F64, Camera, SplatCloud
@@ -21,8 +21,6 @@ from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import lattice, moved
-
-LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -58,11 +56,14 @@ class _Told:
     rest: F64  # (N, K) their view-dependent part, of which the square's mean over all directions is 1
     degree: int
 
-    def large(self, place: F64) -> F64:
-        """(N,) how large that part is, squared, in the direction from a place (3,)."""
+    def ways(self, place: F64) -> F64:
+        """(N, 3) unit directions from a place (3,) to them."""
         away = self.means - place
-        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30)
-        return np.asarray((sh.basis(away, self.degree)[:, 1:] * self.rest).sum(axis=1) ** 2)
+        return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30))
+
+    def large(self, ways: F64) -> F64:
+        """(N,) how large that part is, squared, in directions (N, 3) that they are seen along."""
+        return np.asarray((sh.basis(ways, self.degree)[:, 1:] * self.rest).sum(axis=1) ** 2)
 
 
 def _told(splats: SplatCloud, capture: Capture) -> _Told | None:
@@ -75,7 +76,7 @@ def _told(splats: SplatCloud, capture: Capture) -> _Told | None:
     if len(rows) < TUNING.guess_fewest:
         return None
     rows = rows[:: max(len(rows) // TUNING.guess_sample, 1)]
-    rest = (splats.sh[rows, 1:].astype(np.float64) * LUMINANCE).sum(axis=2)
+    rest = (splats.sh[rows, 1:].astype(np.float64) * colour.REC709_LUMINANCE).sum(axis=2)
     size = np.sqrt((rest**2).sum(axis=1, keepdims=True) / (4 * np.pi))
     return _Told(means[rows], rest / np.maximum(size, 1e-30), degree)
 
@@ -83,7 +84,7 @@ def _told(splats: SplatCloud, capture: Capture) -> _Told | None:
 def _places(told: _Told, capture: Capture) -> F64:
     """(P, 3) places, far from each other."""
     shells = list(_candidates(capture))
-    worths = [np.array([np.median(told.large(place)) for place in shell]) for shell in shells]
+    worths = [np.array([np.median(told.large(told.ways(place))) for place in shell]) for shell in shells]
     best = max(float(x.max()) for x in worths)
     # far off, a place is told by its direction alone: nearer ones that are as good show more
     farthest = next(k for k, x in enumerate(worths) if x.max() > TUNING.guess_near * best)
@@ -91,8 +92,6 @@ def _places(told: _Told, capture: Capture) -> F64:
     if best < TUNING.guess_clear * float(np.median(worth)):
         return np.zeros((0, 3))
     left = candidates[worth > TUNING.guess_worth * best]
-    if not len(left):
-        return left
     chosen = [int(np.argmin(np.linalg.norm(left - left.mean(axis=0), axis=1)))]
     apart = np.linalg.norm(left - left[chosen[0]], axis=1)
     while len(chosen) < min(TUNING.guess_places, len(left)):
@@ -135,9 +134,8 @@ def _views(told: _Told, places: F64) -> Iterator[tuple[F64, F64]]:
     narrow = np.cos(np.radians(TUNING.guess_yfov / 2))
     shown = []  # by view: the splats that are large towards it
     for place in places:
-        away = told.means - place
-        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30)
-        large = told.large(place) > 1
+        away = told.ways(place)
+        large = told.large(away) > 1
         shown += [large & ((away * way).sum(axis=1) > narrow) for way in ways]
     seen, times = np.array(shown, np.float32).reshape(-1, len(told.means)), np.zeros(len(told.means), np.float32)
     for _ in range(min(TUNING.guess_views, len(seen))):

@@ -56,7 +56,8 @@ def make(
         splats: the capture, in world space.
         settings: how.
         progress: hears what is being done.
-        cameras: those of the capture's pictures, in world space; none: what was not seen stays open.
+        cameras: those of the capture's pictures, in world space; none: they are guessed, and where that fails what was
+            not seen stays open.
         source: whom to name in an error, usually the splats' file.
 
     Raises:

@@ -88,7 +88,6 @@ class _Plan:
     shooting: Shooting | None = None  # of the pictures that splats are trained on; None: discs on the true surface
 
 
-YARD = Shooting(iterations=1600, most=60_000)
 PLANS = (
     _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
     _Plan("courtyard", "courtyard_walk", "courtyard, walked round", "hard sun", ("evening", "night", "day")),
@@ -127,7 +126,14 @@ PLANS = (
     _Plan(
         "glazed", "glazed", "glazed, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
     ),
-    _Plan("yard", "yard", "yard, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=YARD),
+    _Plan(
+        "yard",
+        "yard",
+        "yard, trained",
+        "clear day",
+        ("low sun", "clouds", "lamp"),
+        shooting=Shooting(iterations=1600, most=60_000),
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)

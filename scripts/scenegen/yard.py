@@ -96,7 +96,7 @@ def _things() -> list[Part]:
         "wood",
     )
     s, t = np.meshgrid(np.linspace(-0.55, 0.55, 40), np.linspace(-0.75, 0.75, 60), indexing="ij")
-    hang = 0.78 - np.maximum(np.abs(t) - 0.5, 0) ** 1.0 * 1.2 + 0.01 * noise(np.stack([s, t, 0 * s], -1), 5)
+    hang = 0.78 - np.maximum(np.abs(t) - 0.5, 0) * 1.2 + 0.01 * noise(np.stack([s, t, 0 * s], -1), 5)
     cloth = sheet(np.stack([s - 2.9, hang, 0.3 + np.clip(t, -0.51, 0.51)], -1), "cloth", flip=True)
     pot = blob((1.4, 0.3, -1.2), (0.3, 0.34, 0.3), "roof", 0.02, 21, 24)
     bush = blob((1.4, 0.85, -1.2), (0.4, 0.38, 0.4), "leaf", 0.1, 22, 28)
@@ -114,7 +114,7 @@ def recipe() -> Recipe:
         name="lamp", position=np.array([-1.2, 2.0, 0.6]), color=np.array([1.0, 0.72, 0.45]), intensity=4.5
     )
     walk = []
-    for k in range(CAMERAS):  # to and fro before the house, twice, at two heights
+    for k in range(CAMERAS):  # to and fro before the house, twice
         turn = np.radians(70) * np.sin(4 * np.pi * k / CAMERAS)
         away, high = (5.4, 6.6, 4.4)[k % 3], (1.6, 2.4, 1.2, 3.0)[k % 4]
         eye = np.array([away * np.sin(turn), high, away * np.cos(turn)])

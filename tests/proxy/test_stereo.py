@@ -93,13 +93,13 @@ def test_depths_that_are_off_everywhere_come_right() -> None:
     assert np.mean(errors(found, depths) > 1.2) < 0.15
 
 
-def test_what_hangs_before_the_surface_is_moved_onto_it_or_left_out() -> None:
+def floating(depth: F64) -> F64:
     """A tenth of the pixels, in patches, at half their depth: neither their plane nor one beside it is theirs."""
+    rows, columns = np.indices(depth.shape)
+    return np.where((rows // 8 % 3 == 1) & (columns // 8 % 3 == 1), 0.5 * depth, depth)
 
-    def floating(depth: F64) -> F64:
-        rows, columns = np.indices(depth.shape)
-        return np.where((rows // 8 % 3 == 1) & (columns // 8 % 3 == 1), 0.5 * depth, depth)
 
+def test_what_hangs_before_the_surface_is_moved_onto_it_or_left_out() -> None:
     views, depths = capture(floating)
     found = agreed(views, SETTINGS, 0.03, quiet)
     before, after = (np.mean(errors(x, depths) > 5) for x in (views, found))
@@ -109,10 +109,6 @@ def test_what_hangs_before_the_surface_is_moved_onto_it_or_left_out() -> None:
 
 def test_what_guessed_views_look_through_stays() -> None:
     """No picture was taken there: what they show behind it may be the fog between the places of those."""
-
-    def floating(depth: F64) -> F64:
-        rows, columns = np.indices(depth.shape)
-        return np.where((rows // 8 % 3 == 1) & (columns // 8 % 3 == 1), 0.5 * depth, depth)
 
     views, _ = capture(floating)
     assert all((x.depth > 0).all() for x in agreed(views, SETTINGS, 0.03, quiet, guessed=True))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -116,13 +117,18 @@ def _made(
     cloud: SplatCloud, args: argparse.Namespace, report: ShareProgress
 ) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
+    import numpy as np
+
     from mirelight.io.mesh import read_mesh
+    from mirelight.pipeline.guesses import guessed_of_file
     from mirelight.proxy import ProxySettings, judge, make, register
     from mirelight.proxy.judge import seen_by
 
     cameras = _cameras(args.cameras) if args.cameras is not None else ()
     if args.fit is None:
-        made = make(cloud, ProxySettings(triangles=args.triangles), report, cameras=cameras, source=args.splats)
+        settings = ProxySettings(triangles=args.triangles)
+        guess = partial(guessed_of_file, Path(args.splats), cloud, np.eye(4))
+        made = make(cloud, settings, report, cameras=cameras, source=args.splats, guess=guess)
         how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
         if cameras:
             how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"

@@ -30,7 +30,7 @@ from mirelight.model.light_classes import (
 from mirelight.model.light_kinds import LightBase, LightKind, PosedLight
 from mirelight.model.lights import Environment, EstimatedSky, LayerFactor, Lighting, SkyModel
 from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMode, Space, SplatRules, rules_of
-from mirelight.model.recipe import ProxyRecipe
+from mirelight.model.recipe import OwnSplats, ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
 from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, Wrap, Wraps
@@ -95,6 +95,7 @@ __all__ = [
     "Material",
     "Matte",
     "OutputSettings",
+    "OwnSplats",
     "ParallelLight",
     "PointLayers",
     "PointLight",

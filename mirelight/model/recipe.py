@@ -5,10 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NoReturn
 
+import numpy as np
+
 from mirelight.base.backend import Variant
+from mirelight.model.arrays import F64
 from mirelight.model.cameras import Camera
 from mirelight.model.deferred import Deferred
 from mirelight.model.scene import ProxyMesh, SplatCloud
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnSplats:
+    """A capture in the axes of its file: what is found in those holds wherever a job places it."""
+
+    splats: Deferred[SplatCloud]
+    world_from_own: F64  # (4, 4) similarity
+
+    @staticmethod
+    def of_world(splats: Deferred[SplatCloud]) -> OwnSplats:
+        """Splats of several files, or of none: the world's axes are their own."""
+        return OwnSplats(splats, np.eye(4))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from mirelight.model.inserted import Inserted, moves, standing
 from mirelight.model.lights import Lighting
 from mirelight.model.planes import AOVS, EXACT, NAMEABLE
 from mirelight.model.profiles import Profile, rules_of
-from mirelight.model.recipe import ProxyRecipe
+from mirelight.model.recipe import OwnSplats, ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.scene import ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, holds_light
 
@@ -209,6 +209,7 @@ class Job:
     source: Path  # the job file, absolute
     splats: Deferred[SplatCloud] | None = None  # in world space
     splat_files: tuple[SplatFile, ...] = ()  # that they come from, in their order; none: they were made otherwise
+    own_splats: OwnSplats | None = None  # the same in the axes of their one file; None: those of the world
     proxy: Deferred[ProxyMesh] | None = None  # in world space, with the job's albedo
     made_proxy: ProxyRecipe | None = None  # how `proxy` is made, but for its albedo, where it is made from the splats
     capture_cameras: tuple[Camera, ...] = ()  # of the pictures that the splats were made from, in world space

@@ -63,6 +63,29 @@ MESH: Codec[ProxyMesh] = Codec(  # vertices and faces alone
 )
 
 
+def _pack_cameras(cameras: tuple[Camera, ...]) -> Packed:
+    poses = np.array([x.world_from_camera for x in cameras], np.float64).reshape(-1, 4, 4)
+    lenses = [(x.width, x.height, x.fx, x.fy, x.cx, x.cy, x.near) for x in cameras]
+    return Packed({"poses": poses, "lenses": np.array(lenses, np.float64).reshape(-1, 7)})
+
+
+def cameras_named(name: str) -> Codec[tuple[Camera, ...]]:
+    """Pinholes that see endlessly far, called by that name and their number."""
+
+    def unpack(packed: Packed) -> tuple[Camera, ...]:
+        both = zip(packed.arrays["poses"], packed.arrays["lenses"].tolist(), strict=True)
+        return tuple(_pinhole(pose, lens, f"{name}-{i}") for i, (pose, lens) in enumerate(both))
+
+    return Codec("scene", _pack_cameras, unpack)
+
+
+def _pinhole(pose: NDArray[Any], lens: list[float], name: str) -> Camera:
+    width, height, fx, fy, cx, cy, near = lens
+    return Camera(
+        name=name, world_from_camera=pose, width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy, near=near
+    )
+
+
 def array_of(shape: Sequence[int]) -> Codec[NDArray[Any]]:
     """An array of one shape."""
 

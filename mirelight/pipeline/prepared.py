@@ -21,6 +21,7 @@ from mirelight.model import (
     EstimatedSky,
     Job,
     Lighting,
+    OwnSplats,
     ProxyMesh,
     SplatCloud,
     SplatLayer,
@@ -82,7 +83,7 @@ class Prepared:
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
-            made = made_by(job.made_proxy)
+            made = made_by(job.made_proxy, lambda: self._guess)
             self._share(key, made, MESH)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return self._painted(job.proxy.value)
@@ -110,12 +111,25 @@ class Prepared:
             variant=job.render.variant,
             threads=job.render.threads,
             report=self._tell,
+            guess=lambda: self._guess,
         )
         if views and not job.capture_pictures:
             self._tell(
                 "colours are those of the capture's splats, too bright in the dark: none of its pictures is there"
             )
         return views
+
+    @cached_property
+    def _guess(self) -> tuple[Camera, ...]:
+        """Where the capture was taken from, for one whose cameras are not known."""
+        from mirelight.pipeline.guesses import guessed
+        from mirelight.proxy import ProxySettings
+
+        job = self.job
+        assert job.splats is not None
+        own = job.own_splats or OwnSplats.of_world(job.splats)
+        settings = ProxySettings(variant=job.render.variant, threads=job.render.threads)
+        return guessed(own, settings, self._shared, self._share)
 
     def _tell(self, line: str) -> None:
         if self._report is not None:

@@ -5,8 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 
-from mirelight.model import Environment, EstimatedSky, Job, SkyModel, digest
+from mirelight.model import Environment, EstimatedSky, Job, SkyModel, Variant, digest
 from mirelight.pipeline import provenance, reads, requirements
+
+
+def device(variant: Variant) -> str:
+    """What decides the bits of all that is traced or searched, whatever is traced: the variant, and the versions of
+    what computes it."""
+    return digest("device", variant, _versions(provenance.versions(), "mitsuba", "drjit", "llvm", "numpy", "scipy"))
+
+
+def _versions(known: dict[str, str], *packages: str) -> dict[str, str]:
+    return {k: v for k, v in known.items() if k in ("mirelight", *packages)}
 
 
 class SceneKeys:
@@ -100,13 +110,10 @@ class SceneKeys:
 
     @cached_property
     def _device(self) -> str:
-        """What decides the bits of all that is traced or searched, whatever is traced: the variant, and the versions of
-        what computes it."""
-        versions = self._versions("mitsuba", "drjit", "llvm", "numpy", "scipy")
-        return digest("device", self.job.render.variant, versions)
+        return device(self.job.render.variant)
 
     def _versions(self, *packages: str) -> dict[str, str]:
-        return {k: v for k, v in self._all_versions.items() if k in ("mirelight", *packages)}
+        return _versions(self._all_versions, *packages)
 
     @cached_property
     def _all_versions(self) -> dict[str, str]:

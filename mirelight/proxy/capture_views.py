@@ -18,7 +18,7 @@ from mirelight.compositor import Compositor
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
 from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
 from mirelight.model.scene import SOLID
-from mirelight.proxy.guessed import taken_from
+from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 
@@ -38,6 +38,7 @@ def capture_views(
     variant: Variant = "llvm_ad_rgb",
     threads: int | None = None,
     report: Callable[[str], None] | None = None,
+    guess: Guess | None = None,
 ) -> tuple[SplatLayer, ...]:
     """What the cameras of the capture see; where none are known, guessed ones, if the splats tell of any; of discs,
     where nothing tells it better, none.
@@ -50,10 +51,12 @@ def capture_views(
         variant: where they are composited.
         threads: worker threads, process-wide; None: as they are.
         report: gets a line on pictures that are not used.
+        guess: gives those that are guessed; None: that is done now.
     """
     if not any(pictures) and are_discs(splats):
         return ()
-    cameras = cameras or taken_from(splats, ProxySettings(variant=variant, threads=threads))
+    if not cameras:
+        cameras = guess() if guess else taken_from(splats, ProxySettings(variant=variant, threads=threads))
     if not cameras:
         return ()
     compositor = Compositor(splats, variant=variant, threads=threads)

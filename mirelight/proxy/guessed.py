@@ -8,19 +8,23 @@ thing, before a house, none beneath a floor.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from mirelight.base import colour, sh
 from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
-from mirelight.model import F64, Camera, SplatCloud
+from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
-from mirelight.proxy.views import lattice, moved
+from mirelight.proxy.views import lattice, moved, placed
+
+NAME = "guessed"  # of the cameras, before their number
+Guess: TypeAlias = Callable[[], Sequence[Camera]]  # cameras in world space, when they are asked for
 
 
 def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -36,16 +40,21 @@ def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tu
     if told is None:
         return ()
     places = _with_room(_places(told, capture), capture, settings)
-    return tuple(_camera(place, way, capture, f"guessed-{i}") for i, (place, way) in enumerate(_views(told, places)))
+    return tuple(_camera(place, way, capture, f"{NAME}-{i}") for i, (place, way) in enumerate(_views(told, places)))
 
 
 def taken_from(splats: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
-    """:func:`guessed`, in world space; none of splats without a surface."""
+    """:func:`guessed`, in the splats' space; none of splats without a surface."""
     try:
         capture = look_at_capture(splats, "splats")
     except InputError:
         return ()
     return tuple(moved(camera, capture.middle) for camera in guessed(splats, capture, settings))
+
+
+def taken_as_placed(own: OwnSplats, settings: ProxySettings) -> tuple[Camera, ...]:
+    """:func:`taken_from`, found in the splats' own axes, in the world: the same ones wherever a job places them."""
+    return tuple(placed(camera, own.world_from_own) for camera in taken_from(own.splats.value, settings))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

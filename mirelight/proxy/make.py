@@ -19,7 +19,7 @@ from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.flats import flats_of, on_flats
 from mirelight.proxy.fusion import fuse
 from mirelight.proxy.ground import carried_on
-from mirelight.proxy.guessed import guessed
+from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened, fog_of
@@ -43,6 +43,7 @@ def make(
     *,
     cameras: Sequence[Camera] = (),
     source: str | Path = "splats",
+    guess: Guess | None = None,
 ) -> MadeProxy:
     """A triangle mesh that stands for the surface of splats.
 
@@ -50,7 +51,7 @@ def make(
     through their cameras; where those are not known, through such as their view-dependent colours tell of, or from
     around. The depth maps are smoothed, moved onto the planes that they show, and fused. Where cameras are known or
     told, depths are put right by what is seen from there, and what was not seen is closed against light. The mesh is
-    decided, to the bit, by the splats, by the cameras and by the settings other than `threads`.
+    decided, to the bit, by the splats, by the cameras, known or guessed, and by the settings other than `threads`.
 
     Args:
         splats: the capture, in world space.
@@ -59,6 +60,7 @@ def make(
         cameras: those of the capture's pictures, in world space; none: they are guessed, and where that fails what was
             not seen stays open.
         source: whom to name in an error, usually the splats' file.
+        guess: gives the cameras that are guessed, in world space; None: that is done now.
 
     Raises:
         InputError: splats that have no surface: too few, transparent, fog, too far from the origin; cameras that are
@@ -78,7 +80,8 @@ def make(
     else:
         if not there and settings.views == "auto":
             report("guessing where it was taken from", 0.02)
-            there = list(guessed(splats, capture, settings))
+            told = guess() if guess else taken_from(splats, settings)
+            there = [moved(camera, -capture.middle) for camera in told]
         through = fewer(there) if there else _around(capture)
         capture = replace(
             capture, spacing=max(capture.spacing, TUNING.make_grain * footprint(through, capture.splats.means))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from mirelight.model import Job, ProxyMesh, ProxyRecipe
+from functools import partial
+
+from mirelight.model import Job, OwnSplats, ProxyMesh, ProxyRecipe
+from mirelight.proxy.guessed import Guess, taken_as_placed
 from mirelight.proxy.make import make
 from mirelight.proxy.types import ProxySettings
 
@@ -15,14 +18,20 @@ def mesh_of(job: Job) -> ProxyMesh | None:
         BackendError: the variant cannot run here.
     """
     if job.made_proxy is not None:
-        made_by(job.made_proxy)
+        own = job.own_splats or OwnSplats.of_world(job.made_proxy.splats)
+        made_by(job.made_proxy, partial(taken_as_placed, own, settings_of(job.made_proxy)))
     return None if job.proxy is None else job.proxy.value
 
 
-def made_by(recipe: ProxyRecipe) -> ProxyMesh:
-    """The mesh of a recipe, without a job's albedo; made now if it was not yet. Raises as :func:`mesh_of`."""
+def made_by(recipe: ProxyRecipe, guess: Guess) -> ProxyMesh:
+    """The mesh of a recipe, without a job's albedo; made now if it was not yet, by guessed cameras where none are
+    known. Raises as :func:`mesh_of`."""
     if not recipe.mesh.is_there:
-        settings = ProxySettings(variant=recipe.variant, threads=recipe.threads)
-        made = make(recipe.splats.value, settings, cameras=recipe.cameras, source=recipe.source)
+        made = make(recipe.splats.value, settings_of(recipe), cameras=recipe.cameras, source=recipe.source, guess=guess)
         recipe.mesh.supply(made.mesh)
     return recipe.mesh.value
+
+
+def settings_of(recipe: ProxyRecipe) -> ProxySettings:
+    """How a job's proxy is made."""
+    return ProxySettings(variant=recipe.variant, threads=recipe.threads)

@@ -94,6 +94,15 @@ def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.einsum("...j,ij->...i", rows, matrix))
 
 
+def placed(camera: Camera, m: F64) -> Camera:
+    """A camera that sees the same of what is carried along by a similarity (4, 4)."""
+    if np.array_equal(m, np.eye(4)):
+        return camera
+    scale = float(np.cbrt(np.linalg.det(m[:3, :3])))
+    pose = conventions.rigid_part(turned(m, camera.world_from_camera.T))
+    return replace(camera, world_from_camera=pose, near=scale * camera.near, far=scale * camera.far)
+
+
 def moved(camera: Camera, by: F64) -> Camera:
     """The camera moved by (3,), looking the same way."""
     return replace(camera, world_from_camera=conventions.compose(by) @ camera.world_from_camera)

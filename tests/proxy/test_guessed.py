@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mirelight.apps.first_job import job_for
 from mirelight.apps.first_job.view import best
 from mirelight.base import sh
-from mirelight.base.conventions import rotation_from_quaternion
+from mirelight.base.conventions import compose, rotation_from_euler, rotation_from_quaternion
+from mirelight.compositor import Compositor
+from mirelight.io import job as jobs
+from mirelight.io import splats
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64, Camera, SplatCloud
+from mirelight.model import F64, Camera, Deferred, OwnSplats, SplatCloud, digest
+from mirelight.pipeline import guesses
+from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.scene import prepare
 from mirelight.proxy import ProxySettings, make
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.guessed import guessed
@@ -111,6 +119,35 @@ def test_twice_the_same_bits_by_any_number_of_threads() -> None:
     capture = look_at_capture(cloud, "here")
     once, again = (guessed(cloud, capture, replace(SETTINGS, threads=n)) for n in (1, 2))
     assert all((a.world_from_camera == b.world_from_camera).all() for a, b in zip(once, again, strict=True))
+
+
+def test_the_same_is_seen_wherever_a_capture_is_placed() -> None:
+    """Guessed in the splats' own axes, and carried with them."""
+    cloud, kept = coloured(thing(), RING), UserCache()
+    m = compose((3, -1, 2), rotation_from_euler((20, 50, -70)), 2.5)
+    own, world = (
+        guesses.guessed(OwnSplats(Deferred.of(cloud), at), SETTINGS, kept.get, kept.put) for at in (np.eye(4), m)
+    )
+    assert digest(own) == digest(guesses.taken_from(cloud, SETTINGS))
+    assert np.allclose([x.position for x in world], [m[:3, :3] @ x.position + m[:3, 3] for x in own])
+    assert np.isclose(world[0].near, 2.5 * own[0].near)
+    seen = [Compositor(c).composite(x[0]).color for c, x in ((cloud, own), (splats.transform(cloud, m), world))]
+    assert np.abs(seen[0] - seen[1]).max() < 2e-3
+
+
+def test_one_guess_serves_all_that_is_made_of_a_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its first job, and proxy and colours of jobs that place it otherwise."""
+    asked = []
+    monkeypatch.setattr(guesses, "taken_from", lambda *given: asked.append(given) or (view,))
+    view = Camera.look_at((0, 1, 2.2), (0, 0.5, 0), 64, 64, yfov=60, name="guessed-0")
+    splats.write(coloured(thing(), RING), tmp_path / "a.ply")
+    first = job_for(tmp_path / "a.ply", tmp_path).text
+    for turn in ("", "transform = { rotation_euler = [0, 90, 0], scale = 2 }"):
+        text = f'splats = {{ path = "a.ply", {turn} }}\nproxy = "splats"' if turn else first
+        scene = prepare(jobs.load_text(text, tmp_path / "job.toml"))
+        assert scene.mesh is not None and scene.views
+    assert scene.views[0].camera.position == pytest.approx([4.4, 2, 0])
+    assert len(asked) == 1
 
 
 def test_a_first_picture_is_taken_from_there() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from mirelight.apps.first_job import beside
 from mirelight.base.errors import RenderError
 from mirelight.model import F64, RenderSettings, SplatCloud
+from mirelight.proxy.guessed import Guess
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +20,9 @@ class Known:
     level: float  # its mean over the surface, irradiance / pi as luminance
 
 
-def find(world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None, turn: F64) -> Known | None:
+def find(
+    world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None, turn: F64, guess: Guess
+) -> Known | None:
     """What is estimated; None where the two halves of the splats disagree, or it explains hardly anything.
 
     Args:
@@ -27,6 +30,7 @@ def find(world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None,
         proxy: the mesh that fits them.
         cameras: the capture's, that colours are looked at from; None: from guessed ones, where splats tell of any.
         turn: (3, 3) rotation from the splats' axes to the world.
+        guess: gives the guessed ones.
     """
     from mirelight.estimate import estimate
     from mirelight.estimate.describe import doubted
@@ -39,7 +43,7 @@ def find(world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None,
         mesh = replace(mesh, vertices=(mesh.vertices @ turn.T.astype(np.float32)), normals=None)
     settings = RenderSettings()
     try:
-        views = capture_views(world, ()) if cameras is None else cameras.views(world, turn)
+        views = capture_views(world, (), guess=guess) if cameras is None else cameras.views(world, turn)
         found = estimate(world, mesh, settings, views=views)
     except RenderError:
         return None

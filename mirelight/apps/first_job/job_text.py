@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
 from mirelight.estimate.tuning import TUNING
 from mirelight.model import SplatCloud
+from mirelight.pipeline.guesses import guessed_of_file
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
@@ -81,8 +83,10 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     proxy, misfit = beside.proxy(capture, cloud, turn)
     looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
     outside = cameras is not None and beside.around(cameras, cloud)
-    seen = view.best(world, str(capture), () if looking is None else looking.placed(turn), outside=outside)
-    known = None if proxy is None else captured.find(world, proxy, looking, turn)
+    guess = cache(partial(guessed_of_file, capture, cloud, m))
+    placed = () if looking is None else looking.placed(turn)
+    seen = view.best(world, str(capture), placed, guess=guess, outside=outside)
+    known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
     asked = known is None and (bool(wish.objects) or (wish.estimated and proxy is None and looking is not None))
     level = seen.luminance / TUNING.mean_albedo if asked and not wish.objects else 1.0

@@ -11,7 +11,7 @@ from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.model import F64, Camera, SplatCloud, SplatLayer
 from mirelight.proxy.depth import pixels_of
-from mirelight.proxy.guessed import taken_from
+from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.types import ProxySettings
 
 YFOV = 40.0  # degrees
@@ -46,7 +46,14 @@ class FirstView:
         return f"As captured, the splats' mean luminance is {self.luminance:.2f}; {white}."
 
 
-def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, outside: bool = False) -> FirstView:
+def best(
+    cloud: SplatCloud,
+    source: str,
+    captured: Sequence[Camera] = (),
+    *,
+    guess: Guess | None = None,
+    outside: bool = False,
+) -> FirstView:
     """The view to show first.
 
     Args:
@@ -54,6 +61,7 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
         source: whom to name in an error.
         captured: cameras of the capture in the same world, it stands where one of these did; none: where one is
             guessed to have stood, if the splats tell.
+        guess: gives guessed cameras; None: that is done now.
         outside: whether it is known to be no room, closed as it may be.
 
     Raises:
@@ -74,7 +82,7 @@ def best(cloud: SplatCloud, source: str, captured: Sequence[Camera] = (), *, out
     compositor = Compositor(cloud)
     room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
     if not captured:
-        captured = [_wide(x) for x in taken_from(cloud, ProxySettings())]
+        captured = [_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings()))]
     views = [x for c in captured[:: -(-len(captured) // _MOST_CAPTURED) or 1] if (x := _within(c, radius)) is not None]
     worth = [_share(points, x) for x in views]
     if not views:

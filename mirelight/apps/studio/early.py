@@ -101,6 +101,7 @@ class EarlyLight:
         return replace(
             job,
             splats=self._few.splats,
+            own_splats=None,
             proxy=self._mesh,
             made_proxy=None,
             albedo_from_splats=False,

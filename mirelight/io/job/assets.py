@@ -17,12 +17,12 @@ from mirelight.base.errors import InputError
 from mirelight.io.job import inserted, placing
 from mirelight.io.job.camera_files import SceneCamera
 from mirelight.io.job.fields import PROXY
-from mirelight.io.job.hashing import digest, digest_of_all, file_digest
+from mirelight.io.job.hashing import digest, digest_of_all, digest_of_splats, file_digest
 from mirelight.io.job.light_tables import LightUnit
 from mirelight.io.job.scene_tables import ObjectTable, ProxyTable, SplatsTable, Transform
 from mirelight.io.safety import open_binary
 from mirelight.io.suffixes import GLTF, USD
-from mirelight.model import F32, Camera, Deferred, Inserted, Light, ProxyMesh, SplatCloud, SplatFile
+from mirelight.model import F32, Camera, Deferred, Inserted, Light, OwnSplats, ProxyMesh, SplatCloud, SplatFile
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -70,10 +70,16 @@ class Assets:
 
     def splats(self, tables: list[SplatsTable], files: tuple[SplatFile, ...]) -> Deferred[SplatCloud]:
         """All splat files in world space, as one cloud."""
-        known = [
-            (self.digests[t.path], x.world_from_file, x.lod, x.color_space) for t, x in zip(tables, files, strict=True)
-        ]
-        return Deferred(model.digest("splats", known), partial(_cloud, files))
+        known = [(self.digests[t.path], x) for t, x in zip(tables, files, strict=True)]
+        return Deferred(digest_of_splats(known), partial(_cloud, files))
+
+    def own_splats(self, tables: list[SplatsTable], files: tuple[SplatFile, ...]) -> OwnSplats | None:
+        """Those of one file in its own axes; None where they lie in the world as they do there, or in several."""
+        if len(files) != 1 or placing.is_identity(files[0].world_from_file):
+            return None
+        bare = replace(files[0], world_from_file=np.eye(4))
+        known = digest_of_splats([(self.digests[tables[0].path], bare)])
+        return OwnSplats(Deferred(known, partial(_cloud, (bare,)), keep=False), files[0].world_from_file)
 
     def mesh(self, table: ProxyTable, *, finish: bool = False) -> Deferred[ProxyMesh]:
         """The proxy in world space; gray where its colours come from the splats. `finish`: with textures of metallic

@@ -94,6 +94,7 @@ def build(source: Source, table: JobTable) -> Job:
         source=source.path,
         splats=splats,
         splat_files=files,
+        own_splats=assets.own_splats(table.splats, files) if table.splats else None,
         proxy=proxy,
         made_proxy=made,
         capture_cameras=capture_cameras,

@@ -5,15 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from mirelight import model
 from mirelight.base.errors import InputError
 from mirelight.io.safety import open_binary, require_memory
 from mirelight.io.suffixes import GLTF, USD
+from mirelight.model import SplatFile
 
 _MOST_JSON = 256 * 2**20  # bytes of JSON that the readers read
 _INDICES = ("lod-meta.json", "meta.json")  # what names the files of a folder of splats
@@ -36,6 +38,11 @@ def digest(path: Path) -> str:
     if files == [path]:
         return file_digest(path)
     return digest_of_all(files, head.parent)
+
+
+def digest_of_splats(files: Sequence[tuple[str, SplatFile]]) -> str:
+    """SHA-256 (hex) over all that decides the cloud of some splat files, each with its own :func:`digest`."""
+    return model.digest("splats", [(sha, x.world_from_file, x.lod, x.color_space) for sha, x in files])
 
 
 def digest_of_all(files: Iterable[Path], root: Path) -> str:

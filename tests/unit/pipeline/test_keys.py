@@ -430,7 +430,7 @@ def test_every_part_of_a_job_has_its_place() -> None:
         "lightings",
     }
     content |= {"pooled", "captured", "objects", "materials", "masks"}
-    in_no_key = {"source", "splat_files", "inputs", "notes"}
+    in_no_key = {"source", "splat_files", "own_splats", "inputs", "notes"}
     assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
 
 

@@ -73,9 +73,9 @@ class Assets:
         known = [(self.digests[t.path], x) for t, x in zip(tables, files, strict=True)]
         return Deferred(digest_of_splats(known), partial(_cloud, files))
 
-    def own_splats(self, tables: list[SplatsTable], files: tuple[SplatFile, ...]) -> OwnSplats | None:
+    def own_splats(self, tables: list[SplatsTable] | None, files: tuple[SplatFile, ...]) -> OwnSplats | None:
         """Those of one file in its own axes; None where they lie in the world as they do there, or in several."""
-        if len(files) != 1 or placing.is_identity(files[0].world_from_file):
+        if not tables or len(files) != 1 or placing.is_identity(files[0].world_from_file):
             return None
         bare = replace(files[0], world_from_file=np.eye(4))
         known = digest_of_splats([(self.digests[tables[0].path], bare)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -58,12 +58,10 @@ def build(source: Source, table: JobTable) -> Job:
     """
     wrong: list[Mistake] = []
     assets = Assets(source.folder, table.proxy, model.EngineSettings(**_settings(table.engine)))
-    found: list[tuple[model.Camera, ...]] = []  # the cameras, once they are asked for
 
+    @cache  # found once they are asked for
     def cameras_of() -> tuple[model.Camera, ...]:
-        if not found:
-            found.append(cameras.of_job(table, assets, cameras.Extent(splats, proxy, there=made is None), wrong))
-        return found[0]
+        return cameras.of_job(table, assets, cameras.Extent(splats, proxy, there=made is None), wrong)
 
     files = assets.splat_files(table.splats) if table.splats else ()
     splats = assets.splats(table.splats, files) if table.splats else None
@@ -94,7 +92,7 @@ def build(source: Source, table: JobTable) -> Job:
         source=source.path,
         splats=splats,
         splat_files=files,
-        own_splats=assets.own_splats(table.splats, files) if table.splats else None,
+        own_splats=assets.own_splats(table.splats, files),
         proxy=proxy,
         made_proxy=made,
         capture_cameras=capture_cameras,

@@ -23,6 +23,10 @@ _ENCLOSED = 0.9  # mean alpha around the middle, above which a capture is a room
 _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
 _MOST_CAPTURED = 24  # cameras of the capture that are tried
 _STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
+_CUT = 8.0  # by how much of e a view is worth less that cuts off as much as it is wide
+_RIM = 2  # pixels
+_SKY = 1.5  # times the farthest depth: where there is nothing
+_STANDS_OUT = 1.15  # times as far is what a thing stands before
 _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
 _FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
@@ -81,17 +85,20 @@ def best(
     points = points[:: max(1, len(points) // 4000)] if len(points) else solid
     compositor = Compositor(cloud)
     room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
-    if not captured:
-        captured = [_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings()))]
-    views = [x for c in captured[:: -(-len(captured) // _MOST_CAPTURED) or 1] if (x := _within(c, radius)) is not None]
-    worth = [_share(points, x) for x in views]
-    if not views:
+    known = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
+    told = () if captured else (_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings())))
+    views = [x for c in (*known, *told) if (x := _within(c, radius)) is not None]
+    stood = bool(views)
+    if not stood:
         views = list(_inside(low, high) if room else _outside(points, middle))
-        worth = [1.0 for _ in views]
+
+    def worth(layer: SplatLayer) -> float:
+        score = _score(layer, middle, radius) * (_share(points, layer.camera) if stood else 1)
+        # who took pictures aimed at things; guessed cameras may have them at the rim
+        return score * _whole(layer) if stood and not captured else score
+
     shown = (compositor.composite(camera, depth=True) for camera in views)
-    score, layer = max(
-        ((_score(x, middle, radius) * y, x) for x, y in zip(shown, worth, strict=True)), key=lambda x: x[0]
-    )
+    score, layer = max(((worth(x), x) for x in shown), key=lambda x: x[0])
     if not score > 0:
         raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")
     on = layer.transmittance < 0.5
@@ -134,6 +141,23 @@ def _share(points: F64, camera: Camera) -> float:
     """Of points (N, 3), that a camera has in its picture: an overview has many, and a detail few."""
     m = camera.camera_from_world
     return float((pixels_of(camera, (points @ m[:3, :3].T + m[:3, 3]).astype(np.float32)) >= 0).mean())
+
+
+def _whole(layer: SplatLayer) -> float:
+    """1 where the rims of a picture cut off nothing that stands out before what is beside it there, 0 where much.
+
+    A floor or a wall, whose depth goes on along a rim, is cut off by any picture.
+    """
+    from scipy import ndimage
+
+    depth = layer.median_depth.astype(np.float64)
+    depth = np.where(depth > 0, depth, _SKY * depth.max() or 1)
+    cut = 0.0  # pixels
+    for side in (depth[:_RIM], depth[-_RIM:], depth[:, :_RIM].T, depth[:, -_RIM:].T):
+        rim, widest = side.min(axis=0), side.shape[1] // 2  # of a thing; what is wider is a wall
+        behind = ndimage.grey_closing(np.pad(rim, widest, mode="edge"), widest)[widest:-widest]
+        cut += float(np.clip(behind / rim - _STANDS_OUT, 0, 1).sum())
+    return float(np.exp(-_CUT * cut / depth.shape[1]))
 
 
 def _around(middle: F64, radius: float) -> Iterable[Camera]:

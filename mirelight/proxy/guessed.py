@@ -19,6 +19,7 @@ from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
 from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import lattice, moved, placed
@@ -101,12 +102,8 @@ def _places(told: _Told, capture: Capture) -> F64:
     if best < TUNING.guess_clear * float(np.median(worth)):
         return np.zeros((0, 3))
     left = candidates[worth > TUNING.guess_worth * best]
-    chosen = [int(np.argmin(np.linalg.norm(left - left.mean(axis=0), axis=1)))]
-    apart = np.linalg.norm(left - left[chosen[0]], axis=1)
-    while len(chosen) < min(TUNING.guess_places, len(left)):
-        chosen.append(int(np.argmax(apart)))
-        apart = np.minimum(apart, np.linalg.norm(left - left[chosen[-1]], axis=1))
-    return left[chosen]
+    middle = int(np.argmin(np.linalg.norm(left - left.mean(axis=0), axis=1)))
+    return left[far_apart(left, middle, min(TUNING.guess_places, len(left)))]
 
 
 def _camera(place: F64, way: F64, capture: Capture, name: str) -> Camera:

@@ -9,6 +9,7 @@ import numpy as np
 from mirelight.model import F64
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.depth import DepthMap, points_of
+from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 
 
@@ -34,9 +35,6 @@ def places(capture: Capture, count: int = TUNING.inside_places) -> F64:
     line = np.linspace(-TUNING.inside_inner, TUNING.inside_inner, TUNING.inside_grid)
     grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3) * capture.half
     room, _ = cKDTree(capture.splats.means).query(grid, workers=-1)
-    chosen = [int(np.argmax(np.minimum(room, 0.5 * capture.half.min())))]
-    for _ in range(count - 1):
-        apart = np.min([np.linalg.norm(grid - grid[i], axis=1) for i in chosen], axis=0)
-        wide = room >= 0.25 * room[chosen[0]]
-        chosen.append(int(np.argmax(np.where(wide, apart + TUNING.inside_apart * room, -1))))
-    return grid[chosen]
+    first = int(np.argmax(np.minimum(room, 0.5 * capture.half.min())))
+    worth = np.where(room >= 0.25 * room[first], TUNING.inside_apart * room, -np.inf)
+    return grid[far_apart(grid, first, count, worth)]

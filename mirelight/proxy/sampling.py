@@ -1,4 +1,4 @@
-"""Points spread over the triangles of a mesh."""
+"""Points spread over the triangles of a mesh, and over others."""
 
 from __future__ import annotations
 
@@ -24,3 +24,13 @@ def spread_on(vertices: F64, faces: Int, count: int) -> tuple[F64, Int]:
     u, v = np.sqrt(k * 0.7548776662 % 1), k * 0.5698402910 % 1  # Roberts' R2 sequence
     a, b, c = (vertices[faces[face, i]] for i in range(3))
     return a * (1 - u)[:, None] + b * (u * (1 - v))[:, None] + c * (u * v)[:, None], face
+
+
+def far_apart(points: F64, first: int, count: int, worth: F64 | float = 0.0) -> Int:
+    """(count,) rows of points (N, 3), from the first one on each the farthest from all before it; `worth` (N,) is added
+    to how far each is."""
+    chosen, apart = [first], np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(apart + worth)))
+        apart = np.minimum(apart, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen)

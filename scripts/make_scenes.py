@@ -105,9 +105,8 @@ def render_truth(recipe: Recipe, arguments: argparse.Namespace) -> None:
     width, height = (int(x) for x in arguments.size.split("x"))
     camera = camera.resized(width, height)
     picture = Truth(recipe.looks(), lighting).picture(camera, arguments.spp, arguments.seed)
-    if recipe.name == TRAINED and lighting.environment is not None:  # the sky is in its pictures
-        sky = training.behind(lighting.environment, training.directions(camera))
-        picture[..., :3] += (1 - picture[..., 3:]) * sky.astype(np.float32)
+    if recipe.name == TRAINED:  # the sky is in its pictures
+        picture[..., :3] = training.before_sky(picture, lighting, camera)
     writing.write_png(picture, arguments.output)
 
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Environment, Lighting, PointLight, SunLight
+from mirelight.model import Camera, Lighting, PointLight
 from scenegen.geometry import Part, blob, boxes, lathe, leaves, noise, sheet, soups, tube
 from scenegen.recipe import Recipe
-from scenegen.skies import Sky, sky, towards
+from scenegen.skies import blue, clear, clouds
 from scenegen.textures import Surface, painted_tiles, palette, plain, plaster, srgb, stone
 from scenegen.truth import Looks
 
@@ -75,32 +75,6 @@ def _hedges() -> list[Part]:
 def looks() -> Looks:
     """Geometry and materials."""
     return Looks(soups=soups(_ground() + _thing() + _hedges()), surfaces=surfaces())
-
-
-def blue(azimuth: float, elevation: float, level: float) -> Environment:
-    """A clear sky with a sun in that direction, its disc left out."""
-    look = Sky(
-        zenith=(0.20 * level, 0.34 * level, 0.62 * level),
-        horizon=(0.55 * level, 0.62 * level, 0.72 * level),
-        ground=(0.20 * level, 0.18 * level, 0.14 * level),
-        glow=(0.3 * level, 0.26 * level, 0.2 * level),
-        sun=towards(azimuth, elevation),
-    )
-    return Environment(name="sky", radiance=sky(look, 64))
-
-
-def clear(name: str, at: tuple[float, float], color: tuple[float, float, float], lux: float, level: float) -> Lighting:
-    """A clear sky: a sun at azimuth and elevation in degrees, of so many lux, and blue of so much of that of noon."""
-    disc = SunLight(name="sun", direction=-towards(*at), color=np.array(color), intensity=lux, angular_diameter=0.53)
-    return Lighting(name=name, lights=(disc,), environment=blue(*at, level))
-
-
-def clouds() -> Lighting:
-    """A sky of clouds, without a sun."""
-    cloudy = Sky(
-        zenith=(0.9, 0.95, 1.0), horizon=(0.7, 0.75, 0.8), ground=(0.2, 0.18, 0.14), glow=(0, 0, 0), sun=towards(0, 90)
-    )
-    return Lighting(name="clouds", environment=Environment(name="clouds", radiance=sky(cloudy, 64)))
 
 
 def recipe() -> Recipe:

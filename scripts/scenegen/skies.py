@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mirelight.model import Environment, Lighting, SunLight
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
@@ -54,6 +56,32 @@ def sky(look: Sky, height: int = 128) -> F32:
     colour = colour + glow * lobe
     below = np.clip(-up * 12, 0, 1)
     return np.asarray(colour * (1 - below) + ground * below, dtype=np.float32)
+
+
+def blue(azimuth: float, elevation: float, level: float) -> Environment:
+    """A clear sky with a sun in that direction, its disc left out."""
+    look = Sky(
+        zenith=(0.20 * level, 0.34 * level, 0.62 * level),
+        horizon=(0.55 * level, 0.62 * level, 0.72 * level),
+        ground=(0.20 * level, 0.18 * level, 0.14 * level),
+        glow=(0.3 * level, 0.26 * level, 0.2 * level),
+        sun=towards(azimuth, elevation),
+    )
+    return Environment(name="sky", radiance=sky(look, 64))
+
+
+def clear(name: str, at: tuple[float, float], color: tuple[float, float, float], lux: float, level: float) -> Lighting:
+    """A clear sky: a sun at azimuth and elevation in degrees, of so many lux, and blue of so much of that of noon."""
+    disc = SunLight(name="sun", direction=-towards(*at), color=np.array(color), intensity=lux, angular_diameter=0.53)
+    return Lighting(name=name, lights=(disc,), environment=blue(*at, level))
+
+
+def clouds() -> Lighting:
+    """A sky of clouds, without a sun."""
+    cloudy = Sky(
+        zenith=(0.9, 0.95, 1.0), horizon=(0.7, 0.75, 0.8), ground=(0.2, 0.18, 0.14), glow=(0, 0, 0), sun=towards(0, 90)
+    )
+    return Lighting(name="clouds", environment=Environment(name="clouds", radiance=sky(cloudy, 64)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -97,13 +97,17 @@ def shots(truth: Truth, lighting: Lighting, cameras: Sequence[Camera], how: Shoo
     for k, (camera, more) in enumerate(zip(cameras, stops, strict=True)):
         small = _sized(camera, how.size)
         image = truth.photograph(small, how.spp, seed=100 + k)
-        light = image[..., :3]
-        if how.sky and lighting.environment is not None:
-            sky = behind(lighting.environment, directions(small)).astype(np.float32)
-            light = light + (1 - image[..., 3:]) * sky
+        light = before_sky(image, lighting, small) if how.sky else image[..., :3]
         shown = srgb_encode(np.clip(light * np.float32(2.0**more), 0, 1))
         made.append((np.round(255 * np.clip(shown, 0, 1)) / 255).astype(np.float32))
     return made
+
+
+def before_sky(image: F32, lighting: Lighting, camera: Camera) -> F32:
+    """(H, W, 3) a true picture (H, W, 4) of a camera with the sky of its light behind it, where that has one."""
+    if lighting.environment is None:
+        return image[..., :3]
+    return image[..., :3] + (1 - image[..., 3:]) * behind(lighting.environment, directions(camera)).astype(np.float32)
 
 
 def directions(camera: Camera) -> F64:

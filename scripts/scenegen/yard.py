@@ -9,8 +9,8 @@ import numpy as np
 
 from mirelight.model import Camera, Lighting, PointLight
 from scenegen.geometry import Part, blob, boxes, noise, rectangle, sheet, soups, tube
-from scenegen.plinth import blue, clear, clouds
 from scenegen.recipe import Recipe
+from scenegen.skies import blue, clear, clouds
 from scenegen.textures import Surface, paint, painted_tiles, plain, plaster, srgb, stone, terracotta, wood
 from scenegen.truth import Looks
 

@@ -89,7 +89,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
     asked = known is None and (bool(wish.objects) or (wish.estimated and proxy is None and looking is not None))
-    level = seen.luminance / TUNING.mean_albedo if asked and not wish.objects else 1.0
+    assumed = seen.luminance / TUNING.mean_albedo if asked and not wish.objects else 1.0
+    level = assumed if known is None else known.level
     if proxy is None:
         _refuse_no_surface(capture, world, seen, misfit)
     lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
@@ -108,11 +109,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         "",
         f"# {seen.brightness}",
         *(() if known is not None or asked else _assumed(seen, proxy)),
-        *(
-            ()
-            if wish.as_captured
-            else lighting.lightings(world, seen, wish.light, lit, dark, level if known is None else known.level, named)
-        ),
+        *(() if wish.as_captured else lighting.lightings(world, seen, wish.light, lit, dark, level, named)),
         *objects.objects(wish.objects, seen, named),
         *_sky(known=(known is not None or asked) and not wish.as_captured),
         *_rest(finer=cameras is not None and _finer(cameras, seen, wish)),

@@ -151,6 +151,10 @@ def _visit(address: str, found: dict[str, Any], saved: Path) -> None:
         until(page, lit(page, {"lamp", "environment"}, 8))
         page.click("#add-spot")
         page.click("#undo")
+        page.click("#add-tube")  # of a kind that the page knows by its record alone
+        page.wait_for_selector(".handle[title=tube]")
+        found["tube"] = job(page)["lightings"][1]["lights"][-1]
+        page.click("#undo")
         found["undone"] = [x["name"] for x in job(page)["lightings"][1]["lights"]]
         page.fill("[aria-label='lamp: Kelvin']", "-5")
         page.fill("[aria-label='lamp: Kelvin']", "3000")
@@ -218,6 +222,12 @@ def test_lights_are_added_moved_and_undone(seen: dict[str, Any]) -> None:
     assert seen["title"] == "corner"
     assert np.abs(np.subtract(seen["moved"], seen["began"])).max() > 0.05
     assert seen["undone"] == ["lamp"]
+
+
+def test_a_light_known_by_its_record_is_added(seen: dict[str, Any]) -> None:
+    tube = seen["tube"]
+    assert tube["type"] == tube["name"] == "tube"
+    assert tube["length"] > tube["radius"] > 0 and tube["intensity"] > 0
 
 
 def test_the_saved_job_is_what_the_page_shows(seen: dict[str, Any], folder: Path, rendered: Path) -> None:

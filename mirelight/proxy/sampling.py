@@ -33,4 +33,4 @@ def far_apart(points: F64, first: int, count: int, worth: F64 | float = 0.0) -> 
     while len(chosen) < count:
         chosen.append(int(np.argmax(apart + worth)))
         apart = np.minimum(apart, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return np.array(chosen)
+    return np.array(chosen, np.int64)

@@ -107,7 +107,8 @@ def before_sky(image: F32, lighting: Lighting, camera: Camera) -> F32:
     """(H, W, 3) a true picture (H, W, 4) of a camera with the sky of its light behind it, where that has one."""
     if lighting.environment is None:
         return image[..., :3]
-    return image[..., :3] + (1 - image[..., 3:]) * behind(lighting.environment, directions(camera)).astype(np.float32)
+    sky = behind(lighting.environment, directions(camera)).astype(np.float32)
+    return np.asarray(image[..., :3] + (1 - image[..., 3:]) * sky, np.float32)
 
 
 def directions(camera: Camera) -> F64:

@@ -137,9 +137,13 @@ def test_the_same_is_seen_wherever_a_capture_is_placed() -> None:
 
 def test_one_guess_serves_all_that_is_made_of_a_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its first job, and proxy and colours of jobs that place it otherwise."""
-    asked = []
-    monkeypatch.setattr(guesses, "taken_from", lambda *given: asked.append(given) or (view,))
-    view = Camera.look_at((0, 1, 2.2), (0, 0.5, 0), 64, 64, yfov=60, name="guessed-0")
+    asked: list[SplatCloud] = []
+
+    def counted(cloud: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
+        asked.append(cloud)
+        return (Camera.look_at((0, 1, 2.2), (0, 0.5, 0), 64, 64, yfov=60, name="guessed-0"),)
+
+    monkeypatch.setattr(guesses, "taken_from", counted)
     splats.write(coloured(thing(), RING), tmp_path / "a.ply")
     first = job_for(tmp_path / "a.ply", tmp_path).text
     for turn in ("", "transform = { rotation_euler = [0, 90, 0], scale = 2 }"):

@@ -85,9 +85,10 @@ def best(
     points = points[:: max(1, len(points) // 4000)] if len(points) else solid
     compositor = Compositor(cloud)
     room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
-    known = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
-    told = () if captured else (_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings())))
-    views = [x for c in (*known, *told) if (x := _within(c, radius)) is not None]
+    tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
+    if not captured:
+        tried = [_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings()))]
+    views = [x for c in tried if (x := _within(c, radius)) is not None]
     stood = bool(views)
     if not stood:
         views = list(_inside(low, high) if room else _outside(points, middle))

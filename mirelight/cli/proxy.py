@@ -117,8 +117,6 @@ def _made(
     cloud: SplatCloud, args: argparse.Namespace, report: ShareProgress
 ) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
-    import numpy as np
-
     from mirelight.io.mesh import read_mesh
     from mirelight.pipeline.guesses import guessed_of_file
     from mirelight.proxy import ProxySettings, judge, make, register
@@ -127,7 +125,7 @@ def _made(
     cameras = _cameras(args.cameras) if args.cameras is not None else ()
     if args.fit is None:
         settings = ProxySettings(triangles=args.triangles)
-        guess = partial(guessed_of_file, Path(args.splats), cloud, np.eye(4))
+        guess = partial(guessed_of_file, Path(args.splats), cloud)
         made = make(cloud, settings, report, cameras=cameras, source=args.splats, guess=guess)
         how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
         if cameras:

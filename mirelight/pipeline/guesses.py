@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
-from mirelight.model import F64, Camera, Deferred, OwnSplats, SplatCloud, SplatFile, digest
+from mirelight.model import Camera, Deferred, OwnSplats, SplatCloud, SplatFile, digest
 from mirelight.pipeline.cache import UserCache
 from mirelight.pipeline.codecs import Codec, cameras_named
 from mirelight.pipeline.scene_keys import device
@@ -37,17 +37,16 @@ def guessed(own: OwnSplats, settings: ProxySettings, find: Find, keep: Keep) -> 
     return tuple(placed(camera, own.world_from_own) for camera in found)
 
 
-def guessed_of_file(path: Path, cloud: SplatCloud, world_from_own: F64) -> Cameras:
-    """:func:`guessed` of a splat file, kept where a job of it finds it.
+def guessed_of_file(path: Path, cloud: SplatCloud) -> Cameras:
+    """:func:`guessed` of a splat file, in its own axes, kept where jobs of it find it.
 
     Args:
         path: the file.
         cloud: as it has it.
-        world_from_own: (4, 4) similarity to the world.
     """
     from mirelight.io.job.hashing import digest as digest_of_file
     from mirelight.io.job.hashing import digest_of_splats
 
     known = digest_of_splats([(digest_of_file(path), SplatFile(path=path))])
-    own, kept = OwnSplats(Deferred(known, lambda: cloud), world_from_own), UserCache()
-    return guessed(own, ProxySettings(), kept.get, kept.put)
+    kept = UserCache()
+    return guessed(OwnSplats.of_world(Deferred(known, lambda: cloud)), ProxySettings(), kept.get, kept.put)

@@ -65,6 +65,13 @@ def test_a_thing_without_a_floor_is_a_guess_and_cameras_are_not() -> None:
     assert not found.guessed and found.way[2] == 1
 
 
+def test_guessed_views_tell_which_end_of_a_thing_is_up() -> None:
+    for high, way in ((1.0, 1), (-1.0, -1), (0.05, -1)):  # who looks level tells nothing
+        eyes = [(2 * np.sin(a), high, 2 * np.cos(a)) for a in range(6)]
+        found = up.find(ball(), Path("a.ply"), (), lambda at=eyes: [Camera.look_at(x, (0, 0, 0), 8, 8) for x in at])
+        assert found.guessed and found.way[1] == way
+
+
 @pytest.mark.parametrize("turn", [(0, 0, 0), (0, 0, 180), (90, 0, 0), (20, 30, 40)])
 @pytest.mark.parametrize("bare", [False, True])
 def test_a_closed_room_stands_on_the_side_that_things_stand_on(turn: tuple[float, float, float], bare: bool) -> None:

@@ -16,8 +16,9 @@ from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
 from mirelight.estimate.tuning import TUNING
-from mirelight.model import SplatCloud
+from mirelight.model import Camera, SplatCloud
 from mirelight.pipeline.guesses import guessed_of_file
+from mirelight.proxy import views
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
@@ -72,8 +73,10 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
     cameras, unread = beside.cameras(capture)
+    own_guess = cache(partial(guessed_of_file, capture, cloud))
     if wish.up is None:
-        found = up.find(cloud, capture, [] if cameras is None else [x.world_from_camera for x in cameras.cameras])
+        poses = () if cameras is None else [x.world_from_camera for x in cameras.cameras]
+        found = up.find(cloud, capture, poses, own_guess)
     else:
         found = up.Up(conventions.unit(wish.up), "as it was said", False)
     turn = conventions.rotation_from_euler(found.euler)
@@ -83,7 +86,10 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     proxy, misfit = beside.proxy(capture, cloud, turn)
     looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
     outside = cameras is not None and beside.around(cameras, cloud)
-    guess = cache(partial(guessed_of_file, capture, cloud, m))
+
+    def guess() -> list[Camera]:
+        return [views.placed(x, m) for x in own_guess()]
+
     placed = () if looking is None else looking.placed(turn)
     seen = view.best(world, str(capture), placed, guess=guess, outside=outside)
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)

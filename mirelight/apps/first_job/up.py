@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mirelight.base import conventions
 from mirelight.io.suffixes import SCENES
 from mirelight.model import F64, SplatCloud
+from mirelight.proxy.guessed import Guess
 
 LEAST_FLOOR = (
     0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.22, a thing without one 0.03)
@@ -23,6 +24,7 @@ _LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which the
 _RIVAL = 0.7  # of the floor's share: a wall as large may be the floor (the courtyard's largest has 0.6)
 _AGREE = np.cos(np.radians(20.0))  # cameras and floor that tell ways farther apart do not agree
 _BOTH_ALIKE = "floor and ceiling look alike"
+_LOOKS_DOWN = 0.1  # mean cosine between guessed views and an axis that tells which way is up along it
 _LAYER = 1 / 50  # of the extent: how thick a floor is
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
@@ -51,13 +53,14 @@ class Up:
         return round(about_x, 2) + 0.0, 0.0, round(about_z, 2) + 0.0
 
 
-def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
+def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = (), guess: Guess | None = None) -> Up:
     """Up in the splats' own axes.
 
     Args:
         cloud: as its file has it.
         path: its file, whose format decides where nothing else does.
         cameras: (4, 4) world_from_camera of the cameras that took it, in the same axes.
+        guess: gives guessed ones, in the same axes: most pictures look down a little. None: they are not asked.
     """
     taken = _of_cameras(cameras)
     floor = _floor(cloud)
@@ -69,6 +72,10 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = ()) -> Up:
     habit = np.array([0.0, 1.0 if upright else -1.0, 0.0])
     usual = "+Y is up in glTF and as stages are read" if upright else "-Y is up in most captures"
     if floor is None:
+        ahead = -np.mean([x.world_from_camera[:3, 2] @ habit for x in (guess() if guess else ())] or [0.0])
+        if abs(ahead) > _LOOKS_DOWN:
+            way = habit if ahead < 0 else -habit
+            return Up(way, "a guess: there is no floor, and most guessed views of it look down", True)
         return Up(habit, f"a guess: there is no floor, and {usual}", True)
     if not floor.told:
         if floor.doubt != _BOTH_ALIKE:  # nothing lies below it, whether it is a floor or a wall

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import subprocess
 import sys
@@ -11,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mirelight.cli import main
-from tests.threads import share_cores
+from tests import forked
 
 from .ball import write_ball
 
@@ -72,39 +70,11 @@ def run(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Run:
     aside = tmp_path_factory.mktemp("streams")
 
     def run(*arguments: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:
-        streams = aside / "stdout", aside / "stderr"
-        process = _SERVER.Process(target=_main, args=(arguments, tmp_path, dict(os.environ), *streams))
-        process.start()
-        process.join(timeout)
-        if process.exitcode is None:
-            process.kill()
-            raise subprocess.TimeoutExpired(arguments, timeout)
-        out, err = (x.read_text(encoding="utf-8") for x in streams)
-        assert "Traceback" not in err, err
-        return subprocess.CompletedProcess(arguments, process.exitcode, out, err)
+        done = forked.run(arguments, tmp_path, aside, timeout)
+        assert "Traceback" not in done.stderr, done.stderr
+        return done
 
     return run
-
-
-# Half of what a small command takes is the import of its modules: processes are forked from one that has them.
-_SERVER = multiprocessing.get_context("forkserver")
-_SERVER.set_forkserver_preload(["mirelight.cli.render", "mirelight.pipeline.scene", "mirelight.pipeline.stages"])
-
-
-def _main(arguments: tuple[str, ...], folder: Path, variables: dict[str, str], out: Path, err: Path) -> None:
-    """The command in a process of its own, as `python -m mirelight` runs it."""
-    os.chdir(folder)
-    os.environ.clear()
-    os.environ.update(variables)
-    for number, path, flags in (
-        (0, os.devnull, os.O_RDONLY),
-        (1, out, os.O_CREAT | os.O_WRONLY | os.O_TRUNC),
-        (2, err, os.O_CREAT | os.O_WRONLY | os.O_TRUNC),
-    ):
-        os.dup2(os.open(path, flags), number)
-    sys.path.insert(0, str(folder))
-    share_cores(pytest.MonkeyPatch())
-    sys.exit(main(arguments))
 
 
 def environment(**extra: str) -> dict[str, str]:

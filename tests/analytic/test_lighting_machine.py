@@ -15,6 +15,7 @@ from mirelight.model import (
     DirectionalLight,
     Environment,
     Lighting,
+    Material,
     PointLight,
     RenderSettings,
     SpotLight,
@@ -28,9 +29,11 @@ VIEW = Camera.look_at([0, 1, 4], [0, 0, 0], 40, 30)
 LAMP = PointLight(name="lamp", position=np.array([1.0, 2, 2]), intensity=5.0)
 
 
-def test_a_warm_frame_compiles_nothing_whatever_changes() -> None:
+@pytest.mark.parametrize("shiny", [False, True])
+def test_a_warm_frame_compiles_nothing_whatever_changes(shiny: bool) -> None:
     """Light kinds and numbers, environments, camera, resolution, samples and bounces are data to the kernel."""
-    tracer = Tracer(sphere(), RenderSettings(spp=16))
+    proxy = replace(sphere(), materials=(Material(roughness=0.3),)) if shiny else sphere()
+    tracer = Tracer(proxy, RenderSettings(spp=16), first_inserted=0 if shiny else None)
     import drjit as dr
 
     tracer.trace(Lighting(lights=(LAMP,)), VIEW)

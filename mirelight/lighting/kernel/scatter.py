@@ -62,8 +62,8 @@ class Gloss(NamedTuple):
             below = below * (1 - finish.transmission)
         diffuse = dr.select(on, below, base)
         seen = dr.maximum(dr.dot(n, wo), 1e-4)
-        lobe = dr.mean(schlick(f0, f90, seen))
-        rest = (1 - lobe) * dr.mean(diffuse)
+        lobe = _mean(schlick(f0, f90, seen))
+        rest = (1 - lobe) * _mean(diffuse)
         share = lobe / dr.maximum(lobe + rest, 1e-6)
         share = dr.select(rest > 0, dr.clip(share, LEAST_SHARE, 1 - LEAST_SHARE), 1)
         alpha = dr.maximum(dr.maximum(dr.square(finish.roughness), least), LEAST_ALPHA)
@@ -143,6 +143,11 @@ class Gloss(NamedTuple):
         sine2 = dr.squared_norm(dr.cross(n, h))  # not 1 - cos², which near a mirror's peak is all rounding
         nl, nv = dr.maximum(dr.dot(n, wi), 1e-4), dr.maximum(dr.dot(n, self.wo), 1e-4)
         return nl, nv, sine2, dr.clip(dr.dot(self.wo, h), 0, 1)
+
+
+def _mean(color: Vector3f) -> Float:
+    """Over the channels. `dr.mean` would write the number of lanes into the kernel: another for each size of a picture."""
+    return dr.sum(color) * (1 / 3)
 
 
 def _normals(alpha: Float, sine2: Float) -> Float:

@@ -146,7 +146,7 @@ class Gloss(NamedTuple):
 
 
 def _mean(color: Vector3f) -> Float:
-    """Over the channels. `dr.mean` would write the number of lanes into the kernel: another for each size of a picture."""
+    """Over the channels. `dr.mean` writes the number of lanes into the kernel: another for each size of a picture."""
     return dr.sum(color) * (1 / 3)
 
 

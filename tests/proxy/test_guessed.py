@@ -17,8 +17,9 @@ from mirelight.io import job as jobs
 from mirelight.io import splats
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera, Deferred, OwnSplats, SplatCloud, digest
-from mirelight.pipeline import guesses
+from mirelight.pipeline import guesses, provenance
 from mirelight.pipeline.cache import UserCache
+from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.scene import prepare
 from mirelight.proxy import ProxySettings, make
 from mirelight.proxy.capture import Capture, look_at_capture
@@ -133,6 +134,29 @@ def test_the_same_is_seen_wherever_a_capture_is_placed() -> None:
     assert np.isclose(world[0].near, 2.5 * own[0].near)
     seen = [Compositor(c).composite(x[0]).color for c, x in ((cloud, own), (splats.transform(cloud, m), world))]
     assert np.abs(seen[0] - seen[1]).max() < 2e-3
+
+
+def test_what_decides_a_guess_is_in_its_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Splats, variant and version are; how a job places the splats and its threads are not."""
+    cloud, asked = thing(), list[str]()
+
+    def find(key: str, codec: Codec[tuple[Camera, ...]]) -> tuple[Camera, ...]:
+        asked.append(key)
+        return ()
+
+    def key(own: OwnSplats, settings: ProxySettings = SETTINGS) -> str:
+        guesses.guessed(own, settings, find, UserCache().put)
+        return asked[-1]
+
+    own, moved_on = (OwnSplats.of_world(Deferred.of(replace(cloud, means=cloud.means + x))) for x in (0, 1))
+    first = key(own)
+    assert key(own, replace(SETTINGS, threads=1)) == key(replace(own, world_from_own=compose((1, 2, 3)))) == first
+    others = {key(moved_on), key(own, replace(SETTINGS, variant="cuda_ad_rgb"))}
+    known = provenance.versions()
+    for package in ("mirelight", "drjit"):
+        monkeypatch.setattr(provenance, "versions", lambda at=package: {**known, at: "99"})
+        others.add(key(own))
+    assert len(others) == 4 and first not in others
 
 
 def test_one_guess_serves_all_that_is_made_of_a_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,6 +72,29 @@ def _kernels(dr: object) -> set[object]:
     return {entry["hash"] for entry in dr.kernel_history() if "hash" in entry}  # type: ignore[attr-defined]
 
 
+def test_pictures_are_compared_by_one_kernel_wherever_they_lie_in_memory() -> None:
+    import drjit as dr
+
+    from mirelight.base import backend
+
+    backend.mitsuba()
+    from mirelight.lighting.kernel.correlation import Correlation, Windows
+
+    rng = np.random.default_rng(0)
+    pictures = [np.ones((30, 40, 4), np.float32)] * 2
+    column, row = rng.integers(0, 40, 64), rng.integers(0, 30, 64)
+    alike = Correlation([VIEW] * 2, pictures, [[1], [0]], np.zeros(64, np.int64), column, row, Windows(1, 0.1, 0.1, 2))
+    dr.set_flag(dr.JitFlag.KernelHistory, True)
+    try:
+        dr.kernel_history_clear()
+        for first in range(4):
+            depth = np.full(80, 4.0, np.float32)[first : first + 64]
+            alike.of(depth, np.tile(np.array([0, 0, 1], np.float32), (64, 1)))
+        assert len(_kernels(dr)) == 1
+    finally:
+        dr.set_flag(dr.JitFlag.KernelHistory, False)
+
+
 _IN_THREADS = """
 import sys, hashlib
 import numpy as np

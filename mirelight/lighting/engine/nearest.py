@@ -13,6 +13,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting.kernel.memory import integers
 from mirelight.model import F64, Camera
 
 BATCH = 1 << 24  # rows at once; bounds the memory
@@ -43,7 +44,7 @@ def nearest(triangles: Triangles, camera: Camera) -> NDArray[np.int64]:
         stop = max(start + 1, int(np.searchsorted(ends, done + BATCH, side="right")))
         triangle = np.repeat(np.arange(start, stop, dtype=np.uint32), rows[start:stop])
         first = np.repeat(boxes[start:stop, 1] - (ends[start:stop] - rows[start:stop] - done), rows[start:stop])
-        table.fill(mi.UInt32(triangle), mi.UInt32((first + np.arange(len(triangle))).astype(np.uint32)), best)
+        table.fill(integers(triangle), integers(first + np.arange(len(triangle))), best)
         start = stop
     found = best.numpy()
     return np.where(found == np.uint64(_NOTHING), -1, (found & np.uint64(0xFFFFFFFF)).astype(np.int64))
@@ -56,7 +57,7 @@ class _Table:
         self._edges = mi.Float64(np.append(triangles.edges.ravel(), 0.0))
         self._depth = mi.Float64(np.append(triangles.depth.ravel(), 0.0))
         self._inclusive = mi.Bool(np.append(triangles.inclusive.ravel(), False))
-        self._boxes = mi.UInt32(np.append(triangles.boxes.ravel(), 0).astype(np.uint32))
+        self._boxes = integers(np.append(triangles.boxes.ravel(), 0))
         self._width = dr.opaque(mi.UInt32, camera.width)
         self._near, self._far = (dr.opaque(mi.Float64, x) for x in (camera.near, camera.far))
 

@@ -12,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.types import Float, UInt32, Vector3f
 from mirelight.model import F32, Camera
 
@@ -60,20 +61,20 @@ class Correlation:
     ) -> None:
         self.windows = windows
         sizes = [x.shape[0] * x.shape[1] for x in pictures]
-        self._texels = mi.Float(np.concatenate([x.ravel() for x in pictures]).astype(np.float32))
-        self._start = mi.UInt32((np.cumsum(sizes) - sizes).astype(np.uint32))
-        self._width = mi.UInt32(np.array([x.width for x in cameras], np.uint32))
-        self._height = mi.UInt32(np.array([x.height for x in cameras], np.uint32))
-        self._cameras = mi.Float(np.concatenate([_projection(x) for x in cameras]))
-        self._poses = mi.Float(np.concatenate([_pose(x) for x in cameras]))
+        self._texels = floats(np.concatenate([x.ravel() for x in pictures]))
+        self._start = integers(np.cumsum(sizes) - sizes)
+        self._width = integers([x.width for x in cameras])
+        self._height = integers([x.height for x in cameras])
+        self._cameras = floats(np.concatenate([_projection(x) for x in cameras]))
+        self._poses = floats(np.concatenate([_pose(x) for x in cameras]))
         self._most = max(len(x) for x in beside)
         table = np.full((len(beside), self._most), _NONE, np.uint32)
         for k, others in enumerate(beside):
             table[k, : len(others)] = others
-        self._beside = mi.UInt32(table.ravel())
-        self._picture = mi.UInt32(picture.astype(np.uint32))
-        self._column = mi.Int32(column.astype(np.int32))
-        self._row = mi.Int32(row.astype(np.int32))
+        self._beside = integers(table)
+        self._picture = integers(picture)
+        self._column = integers(column)
+        self._row = integers(row)
 
     def of(self, depth: F32, normal: F32) -> F32:
         """(P,) mean correlation with the `best` others that are most alike, -1 where fewer than two show the place.
@@ -82,8 +83,8 @@ class Correlation:
             depth: (P,) along the view axis, world units.
             normal: (P, 3) unit, facing the eye.
         """
-        planes = mi.Vector3f(*(mi.Float(np.ascontiguousarray(normal[:, k])) for k in range(3)))
-        found = self._alike(mi.Float(depth), planes)
+        planes = mi.Vector3f(*(floats(normal[:, k]) for k in range(3)))
+        found = self._alike(floats(depth), planes)
         dr.eval(found)
         return np.array(found, np.float32)
 
@@ -145,15 +146,15 @@ class _Window:
         x, y = mi.Float(pixels._column) + 0.5, mi.Float(pixels._row) + 0.5
         ahead = ray(x, y)
         facing = dr.minimum(dr.dot(normal, ahead), -_LEAST_FACING * dr.norm(ahead))
-        middle = pixels.texel(start, width, mi.UInt32(pixels._column), mi.UInt32(pixels._row))
+        middle = pixels.texel(start, width, pixels._column, pixels._row)
         self._middle, self._there = middle, (depth > 0) & (middle.w > 0.5)
         self._colors, self._weights, self._points = [], list[Float](), list[Any]()
         self.sum, self.mean, square = mi.Float(0), [mi.Float(0)] * 3, mi.Float(0)
         windows = pixels.windows
         self._at, wide = windows.pixels(), 2 * (0.7 * windows.radius) ** 2  # px²: how fast its rim counts less
         for across, down in self._at:
-            column = mi.UInt32(dr.clip(pixels._column + across, 0, mi.Int32(width) - 1))
-            line = mi.UInt32(dr.clip(pixels._row + down, 0, mi.Int32(height) - 1))
+            column = mi.UInt32(dr.clip(mi.Int32(pixels._column) + across, 0, mi.Int32(width) - 1))
+            line = mi.UInt32(dr.clip(mi.Int32(pixels._row) + down, 0, mi.Int32(height) - 1))
             color = _less(pixels.texel(start, width, column, line), middle)
             other: Float = dr.abs(color[0]) + dr.abs(color[1]) + dr.abs(color[2])
             weight = dr.exp(-other / windows.color - (across * across + down * down) / wide)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from mirelight.pipeline.scene import Scene, prepare
 from mirelight.pipeline.stages import Lit
 from mirelight.store import Store
 from mirelight.store.folder import ASIDE
+from tests import forked
 
 from .shelf import SHIPPED
 
@@ -58,8 +57,8 @@ def test_readme_makes_the_files_of_the_command(tmp_path: Path, monkeypatch: pyte
     chosen = ("--camera", camera, "--lighting", lighting, *(x for one in SMALL for x in ("--set", one)))
     if name == "courtyard":
         shutil.copytree(tmp_path / "own" / ASIDE / "scene", tmp_path / "out" / ASIDE / "scene")
-    command = [sys.executable, "-m", "mirelight", "render", str(job_file), "-o", str(tmp_path / "out"), *chosen]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = ("render", str(job_file), "-o", str(tmp_path / "out"), *chosen)
+    done = forked.run(command, tmp_path, tmp_path, timeout=300)
     assert done.returncode == 0, done.stderr
     for suffix in ("exr", "png"):
         ours = (tmp_path / f"frame.{suffix}").read_bytes()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from mirelight.io.gltf.write import write_glb
 from mirelight.model import F32, Frame, Job
 from mirelight.pipeline import stages
 from mirelight.pipeline.scene import prepare
+from tests import forked
 
 from . import mixer_page
 from .mixer_page import decibels
@@ -281,8 +281,7 @@ def test_two_exports_are_the_same_to_the_bit(page: tuple[Path, mixing.MixLayers]
 
 def test_the_command_writes_a_page_and_refuses_in_one_line(folder: Path, tmp_path: Path) -> None:
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "mirelight", "mix", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        return forked.run(("mix", *arguments), tmp_path, tmp_path, timeout=300)
 
     inside = f'output.directory="{tmp_path / "out"}"'
     told = run(

@@ -134,6 +134,14 @@ PLANS = (
         ("low sun", "clouds", "lamp"),
         shooting=Shooting(iterations=1600, most=60_000),
     ),
+    _Plan(
+        "kitchen",
+        "kitchen",
+        "kitchen, trained",
+        "lamp",
+        ("sunny", "clouds", "other lamp"),
+        shooting=Shooting(sky=True, iterations=1600, most=60_000),
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -146,6 +154,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "plinth": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "glazed": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
+    "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
 }
 
 

@@ -7,7 +7,7 @@ what is seen (Fischler and Bolles, 1981; greedy, the largest first) it is kept f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,8 +119,8 @@ def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[F
     out = []
     for k, (normal, offset, rows) in enumerate(found):
         plane = _turned_upright(points, rows, (normal, offset), square[k], tolerance)
-        out.append(_confirmed(_seen(*plane, points, rows, spacing, low, high), views, tolerance))
-    return out
+        out.append(_seen(*plane, points, rows, spacing, low, high))
+    return [_confirmed(flat, out, views, tolerance) for flat in out]
 
 
 def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
@@ -161,11 +161,15 @@ def _along(rows: F64, way: F64) -> F64:
 
 
 def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> tuple[F64, float]:
-    """The plane of least squares through what lies on a plane."""
+    """The plane of least squares through the largest piece of what lies on a plane.
+
+    Through all of it, the plane of a table would lean to take a worktop a little higher with it.
+    """
     for k in range(TUNING.flat_rounds):
         wide = tolerance * (1.5 if k < TUNING.flat_rounds // 2 else 1.0)
         off = (points.at[rows] * normal).sum(axis=1) - offset
         on = (np.abs(off) < wide) & (np.abs((points.normal[rows] * normal).sum(axis=1)) > TUNING.plane_cosine)
+        on[on] = _one_piece(points, rows[on], normal, tolerance)
         if on.sum() < 30:
             break
         at, weight = points.at[rows[on]], points.weight[rows[on]] * (1 - (off[on] / wide) ** 2) ** 2
@@ -176,6 +180,21 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
         normal = thin * np.sign((thin * normal).sum())
         offset = float((middle * normal).sum())
     return normal, offset
+
+
+def _one_piece(points: Points, rows: Int, normal: F64, tolerance: float) -> Bool:
+    """(N,) which of these points of a plane are in its largest piece, small gaps closed."""
+    from scipy.ndimage import binary_closing, label
+
+    i = np.floor(turned_to(points.at[rows], _axes(normal)) / (TUNING.plane_cell * tolerance)).astype(np.int64)
+    if not len(i):
+        return np.zeros(0, bool)
+    i -= i.min(axis=0)
+    cells = np.zeros(tuple(i.max(axis=0) + 1), bool)
+    cells[tuple(i.T)] = True
+    part, _ = label(binary_closing(np.pad(cells, 1))[1:-1, 1:-1] | cells)
+    own = part[tuple(i.T)]
+    return np.asarray(own == np.bincount(own, points.weight[rows]).argmax())
 
 
 def _lean(points: Points, normal: F64, offset: float, rows: Int) -> float:
@@ -227,7 +246,8 @@ def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: flo
 def _turn(points: Points, rows: Int, normal: F64) -> float:
     """By how much, in radians, normals turn from the middle of these points outwards: 0 of a plane, rough or not.
 
-    The turn is regressed on the place in the plane: a slope is the curvature.
+    The turn is regressed on the place in the plane, and asked along its longest and its shortest way, each as far as it
+    reaches: a strip of wall is not as round as its narrow side would be if it were as long as the other.
     """
     axes = _axes(normal)
     weight = points.weight[rows] / points.weight[rows].sum()
@@ -235,10 +255,11 @@ def _turn(points: Points, rows: Int, normal: F64) -> float:
     turn = turn * np.sign((points.normal[rows] * normal).sum(axis=1))[:, None]
     place = place - (place * weight[:, None]).sum(axis=0)
     turn = turn - (turn * weight[:, None]).sum(axis=0)
-    spread = [[(place[:, i] * place[:, j] * weight).sum() for j in range(2)] for i in range(2)]
-    along = [[(place[:, i] * turn[:, j] * weight).sum() for j in range(2)] for i in range(2)]
-    curvature = np.linalg.solve(np.array(spread) + 1e-12 * np.eye(2) * np.trace(spread), np.array(along))
-    return float(np.abs(curvature).max() * np.sqrt(np.trace(spread)))
+    spread = np.array([[(place[:, i] * place[:, j] * weight).sum() for j in range(2)] for i in range(2)])
+    along = np.array([[(place[:, i] * turn[:, j] * weight).sum() for j in range(2)] for i in range(2)])
+    square, ways = np.linalg.eigh(spread + 1e-12 * np.eye(2) * np.trace(spread))
+    rim = ways.T @ along / np.sqrt(square)[:, None]  # (2, 2) turn at one deviation along each way
+    return float(np.sqrt(2) * np.linalg.norm(rim, axis=1).max())
 
 
 def _axes(normal: F64) -> F64:
@@ -296,17 +317,32 @@ def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64,
     return on.reshape(shape), through.reshape(shape), seen.reshape(shape)
 
 
-def _confirmed(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Flat:
-    """With the cells that views see on the plane, or that they do not look through where it goes on around them."""
+def _confirmed(flat: Flat, flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float) -> Flat:
+    """With the cells that views see on the plane, or that they do not look through where it goes on around them, or up
+    to another plane."""
     from scipy.ndimage import binary_closing, binary_fill_holes, label
 
     held, through, _ = votes(flat, views, tolerance)
     sure = flat.there & (held > 0.5 * through)
     free = (through > 2 * held) & (through > 0.3)
-    whole = (binary_closing(np.pad(sure, 20), iterations=12)[20:-20, 20:-20] | binary_fill_holes(sure)) & ~free | sure
+    near = binary_closing(np.pad(sure | _met(flat, flats), 20), iterations=TUNING.flat_corner)[20:-20, 20:-20]
+    whole = binary_closing(np.pad(sure, 20), iterations=12)[20:-20, 20:-20] | binary_fill_holes(sure) | near
+    whole = whole & ~free | sure
     part, _ = label(whole)
     own_parts = np.unique(part[sure])
     return Flat(flat.normal, flat.offset, flat.axes, flat.cell, flat.low, np.isin(part, own_parts[own_parts > 0]))
+
+
+def _met(flat: Flat, flats: Sequence[Flat]) -> Bool:
+    """(I, J) cells in which a plane meets others that stand across it and have surface there, or near it."""
+    from scipy.ndimage import binary_dilation
+
+    at, out = flat.middles, np.zeros(flat.there.shape, bool)
+    for other in flats:
+        if abs(float(flat.normal @ other.normal)) < 0.5:
+            wide = replace(other, there=binary_dilation(other.there, iterations=TUNING.flat_corner))
+            out |= ((np.abs(other.off(at)) < 0.75 * flat.cell) & wide.inside(at)).reshape(out.shape)
+    return out
 
 
 def on_flats(soup: Soup, flats: Sequence[Flat], reach: float) -> Soup:

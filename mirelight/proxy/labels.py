@@ -18,13 +18,20 @@ from mirelight.proxy.types import Int
 from mirelight.proxy.views import rays
 
 
-def fog_of(views: Sequence[DepthMap]) -> float:
+def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat]) -> float:
     """The trust below which pixels on no plane show no surface: 0 unless the views show a sky.
 
     What pictures show of a sky hangs anywhere, and so does what they tell nothing else of; without a sky, as in a room,
-    a surface in a wrong place shuts out more wrong light than none.
+    a surface in a wrong place shuts out more wrong light than none. What hangs before a plane is no sky: even walls are
+    as hard to place.
     """
-    deep = sum(int(((view.depth > 0) & (view.trust < TUNING.sky_trust)).sum()) for view in views)
+    deep = 0
+    for view in views:
+        hangs = (view.depth > 0) & (view.trust < TUNING.sky_trust)
+        if hangs.any():
+            _, directions = rays(view.camera)
+            hangs &= ~np.any([_depth(view, flat, directions) > 0 for flat in flats], axis=0)
+        deep += int(hangs.sum())
     return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
 
 

@@ -76,7 +76,7 @@ def make(
     refuse_strangers(capture, there, source)
     if method == "cells":
         maps = DepthMaps(capture, settings)
-        soup = cells_of(capture, settings, part(report, 0.05, 0.9))
+        soup, shown = cells_of(capture, settings, part(report, 0.05, 0.9)), list[DepthMap]()
     else:
         if not there and settings.views == "auto":
             report("guessing where it was taken from", 0.02)
@@ -95,7 +95,7 @@ def make(
         views = [slanted(view, capture.spacing) for view in views]
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.45, 0.6), guessed=not cameras)
-        soup = _fused(capture, views, part(report, 0.6, 0.9))
+        soup, shown = _fused(capture, views, part(report, 0.6, 0.9))
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     if settings.triangles is not None:
@@ -105,7 +105,7 @@ def make(
     quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
     whole = soup
     if there:
-        whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0)))
+        whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), shown))
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
         method=method,
@@ -133,15 +133,16 @@ def _method(capture: Capture, settings: ProxySettings) -> Method:
     return settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
 
 
-def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> Soup:
-    """By smoothed depth maps, each point of the surface in some of them."""
+def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> tuple[Soup, list[DepthMap]]:
+    """By smoothed depth maps, each point of the surface in some of them; and the maps as they were joined, where all
+    that they show is a surface: none of a capture with a sky."""
     report("finding planes", 0.0)
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
     if windows:
         views = [opened(view, windows, capture.spacing, TUNING.opening_away * capture.radius) for view in views]
         flats = flats_of(views, capture.spacing, capture.radius)
-    fog = fog_of(views)
+    fog = fog_of(views, flats)
     if fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing)
     views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog) for view in views]
@@ -151,7 +152,7 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> So
     soup = on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
     for window in windows:
         soup = soup.beside(window.solid())
-    return soup
+    return soup, [] if fog else views
 
 
 def _inside(

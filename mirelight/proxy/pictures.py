@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mirelight.lighting.sight import Sight
 from mirelight.model import F32, F64, Camera
+from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Soup
 from mirelight.proxy.views import rays, turned
 
 _CHUNK = 1 << 18  # points at once
@@ -27,10 +27,18 @@ class Pictures:
     depths: tuple[F32, ...]  # (H, W) each, along the view axis to the surface, world units; infinite: none
 
     @staticmethod
-    def of(soup: Soup, cameras: Sequence[Camera], sight: Sight) -> Pictures:
-        """Of a surface, everything in its space; `sight` is into it."""
+    def of(cameras: Sequence[Camera], sight: Sight, shown: Sequence[DepthMap] = ()) -> Pictures:
+        """Of a surface, everything in its space.
+
+        Args:
+            cameras: those of the pictures.
+            sight: into the surface.
+            shown: depth maps by some of these cameras: what they see where the surface has a gap.
+        """
         chosen = tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // TUNING.seen_cameras)])
-        return Pictures(chosen, tuple(_depth(camera, sight) for camera in chosen))
+        maps = {view.camera.world_from_camera.tobytes(): view for view in shown}
+        found = ((camera, maps.get(camera.world_from_camera.tobytes())) for camera in chosen)
+        return Pictures(chosen, tuple(_without_gaps(_depth(x, sight), view) for x, view in found))
 
     @property
     def eyes(self) -> F64:
@@ -59,6 +67,18 @@ def _depth(camera: Camera, sight: Sight) -> F32:
     _, distance = sight.first_hits(starts, directions.reshape(-1, 3))
     near = minimum_filter(distance.reshape(directions.shape[:2]).astype(np.float32), TUNING.seen_crack)
     return np.asarray(maximum_filter(near, TUNING.seen_crack))
+
+
+def _without_gaps(depth: F32, view: DepthMap | None) -> F32:
+    """Depths (H, W) with those of a depth map, of any size, where there are none."""
+    if view is None:
+        return depth
+    rows, columns = (
+        ((np.arange(n) + 0.5) * m / n).astype(np.int64) for n, m in zip(depth.shape, view.depth.shape, strict=True)
+    )
+    own = view.depth[np.ix_(rows, columns)]
+    opaque = (own > 0) & (view.alpha[np.ix_(rows, columns)] > TUNING.depth_opaque)
+    return np.where(np.isinf(depth) & opaque, own, depth)
 
 
 def _at_pixels(camera: Camera, depth: F32, at: F32) -> tuple[F32, F32]:

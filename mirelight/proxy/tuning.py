@@ -60,7 +60,7 @@ class Tuning:
     plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
     plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24
     plane_most: int = 24  # planes
-    plane_square: float = 3.0  # degrees off a right angle, or off parallel: walls that lean by 1.7 stand upright
+    plane_square: float = 5.0  # degrees off a right angle, or off parallel: walls that lean by 1.7 stand upright
     plane_square_held: float = 0.5  # of a plane, that must lie on it when it is turned: else it does lean
     plane_cell: float = 2.0  # side of the cells that tell where a plane is
 
@@ -156,6 +156,15 @@ class Tuning:
     beyond_across: float = 0.7  # cosine between normals of planes that end where they meet
     beyond_near: float = 0.4  # cells before the surface, where nothing counts as looked through
     beyond_marks: int = 8  # of the surface, to an area of a cell
+    # ceilings above all pictures (`ceiling`)
+    ceiling_over: float = 4 / 3  # of the highest camera's height over the floor
+    ceiling_seen: float = 0.999  # of the surface, that lies lower
+    ceiling_top: float = 0.98  # of a wall, that lies lower: its top is above the lowest camera
+    ceiling_across: float = 0.2  # cosine between the normals of floor and walls
+    ceiling_ways: int = 72  # in which walls are looked for
+    ceiling_steps: int = 16  # up a wall, and over the floor
+    ceiling_ended: float = 0.3  # of the ways, at most, in which a wall ends in pictures, or has a window
+    ceiling_shown: float = 0.05  # of what is between the walls up there, at most, that a picture shows
     beyond_cells: int = 200  # along the box's longest side
 
     # views of a capture (`views`)
@@ -346,6 +355,7 @@ class Tuning:
     flat_step: int = 3  # every third pixel of a map, both ways, is a point
     flat_voxel: float = 0.7  # points in one voxel become one
     flat_rounds: int = 6  # of fitting a plane to what lies on it
+    flat_corner: int = 4  # cells: half of how far from its surface a plane goes on to another
 
     # what lying on a plane costs (`labels`)
     label_out: float = 1.6  # of a plane where it has no cell

@@ -4,7 +4,8 @@ Two things are made. What was seen is the front of something: a second sheet sta
 space that is hidden from all cameras (space carving: Kutulakos and Seitz, 2000). So light does not come through cracks
 between faces, and bars and frames that were seen from the front alone cast shadows of something with a depth. Farther
 behind it may be the open: a beam of the sun comes into a room through space that no camera looked into. Space in no
-picture at all is left open, as the sky is such space; but large planes go on in it (`beyond`).
+picture at all is left open, as the sky is such space; but large planes go on in it (`beyond`), and a room whose
+pictures end below its ceiling gets one (`ceiling`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, triangles
 from mirelight.proxy.backs import backs_of
 from mirelight.proxy.beyond import Look, beyond_pictures, box_of, cell_of
+from mirelight.proxy.ceiling import ceiling_of
+from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
 from mirelight.proxy.tuning import TUNING
@@ -30,6 +33,7 @@ def closing(
     spacing: float,
     settings: ProxySettings,
     progress: ShareProgress,
+    shown: Sequence[DepthMap] = (),
 ) -> Soup:
     """What closes a surface against light from where no camera saw: fronts face the space that was seen.
 
@@ -39,15 +43,20 @@ def closing(
         spacing: of the capture's splats.
         settings: the variant.
         progress: hears what is done.
+        shown: depth maps by cameras of these: through a gap of the surface nothing was seen where they show something.
     """
     progress("looking for what no camera saw", 0.0)
     sight = Sight(soup.mesh(), settings.variant, settings.threads)
-    pictures = Pictures.of(soup, cameras, sight)
+    pictures = Pictures.of(cameras, sight, shown)
     progress("looking for what no camera saw", 0.3)
     low, high = box_of(soup, pictures.eyes)
     cell = cell_of(low, high, spacing)
     planes = planes_of(soup, cell, TUNING.beyond_small * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
+    ceiling = ceiling_of(soup, planes, pictures, cell)
+    if ceiling is not None:
+        low, high = ceiling.box(low, high)
+        backs = backs.beside(ceiling.soup(planes, low, high, cell, pictures))
     progress("carrying on walls", 0.7)
 
     def look(before: float) -> Look:

@@ -147,7 +147,7 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
         if points.weight[left[on]].sum() < least:
             break
         rows = _alone(points, left[on], normal, offset, tolerance)
-        if points.weight[rows].sum() < least or _turn(points, rows, normal) > TUNING.plane_turn:
+        if points.weight[rows].sum() < least or turned_outwards(points, rows, normal) > TUNING.plane_turn:
             left = left[~on]
             continue
         out.append((normal, offset, rows))
@@ -243,7 +243,7 @@ def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: flo
     return np.asarray(rows[kept[part[tuple((i[rows] - low).T)]]])
 
 
-def _turn(points: Points, rows: Int, normal: F64) -> float:
+def turned_outwards(points: Points, rows: Int, normal: F64) -> float:
     """By how much, in radians, normals turn from the middle of these points outwards: 0 of a plane, rough or not.
 
     The turn is regressed on the place in the plane, and asked along its longest and its shortest way, each as far as it

@@ -18,7 +18,7 @@ from mirelight.proxy.types import Int
 from mirelight.proxy.views import rays
 
 
-def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat]) -> float:
+def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
     """The trust below which pixels on no plane show no surface: 0 unless the views show a sky.
 
     What pictures show of a sky hangs anywhere, and so does what they tell nothing else of; without a sky, as in a room,

@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import flats_of
+from mirelight.proxy.flats import Points, flats_of, turned_outwards
 from mirelight.proxy.labels import flattened, fog_of
 from mirelight.proxy.squared import squared
 from mirelight.proxy.views import rays
@@ -49,6 +49,50 @@ def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:
     (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
     kept = np.abs(flattened(sky, [floor], SPACING, fog).depth - seen.depth)[10:-10, 10:40] < 0.02
     assert kept.mean() > 0.95
+
+
+def test_what_hangs_before_a_plane_is_no_sky() -> None:
+    """Walls without a pattern are as hard to place as a sky."""
+    seen = view(0.0)
+    left = np.arange(160) < 40
+    unsure = replace(seen, trust=np.where(left, 0.01, seen.trust).astype(np.float32), depth=seen.depth - 0.8 * left)
+    floor = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
+    assert fog_of([unsure, seen], floor) == 0 < fog_of([unsure, seen])
+
+
+def tops(x: float) -> DepthMap:
+    """A table, and behind it a worktop as wide that is higher by a spacing and a half."""
+    camera = Camera.look_at((x, 1.2, 1.6), (0, 0, -0.5), 160, 120, yfov=50)
+    origins, ways = rays(camera)
+    low, high = ((h - origins[..., 1]) / np.minimum(ways[..., 1], -1e-9) for h in (0.0, 1.5 * SPACING))
+    near, far = (origins + ways * t[..., None] for t in (low, high))
+    table = (np.abs(near[..., 2]) < 0.5) & (np.abs(near[..., 0]) < 0.8)
+    worktop = (np.abs(far[..., 2] + 1.3) < 0.3) & (np.abs(far[..., 0]) < 0.8)
+    depth = np.where(worktop, high, np.where(table, low, 0)).astype(np.float32)
+    one = np.ones(depth.shape, np.float32)
+    three = np.zeros((*depth.shape, 3), np.float32)
+    return DepthMap(camera, three, one, depth, three + np.array([0, 1, 0], np.float32), 0 * one, one)
+
+
+def test_a_table_does_not_lean_to_take_a_worktop_with_it() -> None:
+    flats = flats_of([tops(x) for x in (-0.5, 0.0, 0.5)], SPACING, 10.0)
+    table = min(flats, key=lambda flat: abs(flat.offset))
+    np.testing.assert_allclose(np.abs(table.normal), [0, 1, 0], atol=2e-3)
+    assert abs(table.offset) < 0.1 * SPACING
+
+
+def strip(turn: float) -> Points:
+    """Points of a strip of wall, 4 x 0.4, whose normals turn by so much from its middle to its rim, up and down."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-2, 2, 200), np.linspace(-0.2, 0.2, 20)))
+    up = turn * y / 0.2
+    return Points(np.stack([x, y, 0 * x], 1), np.stack([0 * x, np.sin(up), np.cos(up)], 1), 0 * x + 1)
+
+
+def test_a_strip_of_wall_is_asked_no_farther_than_it_reaches() -> None:
+    for turn in (0.05, 0.4):
+        points = strip(turn)
+        told = turned_outwards(points, np.arange(len(points.at)), np.array([0.0, 0, 1]))
+        assert told == pytest.approx(turn * np.sqrt(2 / 3), rel=0.1)  # at one deviation of an even strip, times sqrt 2
 
 
 def before(x: float, low: float, up: float = 0.0) -> DepthMap:

@@ -1,0 +1,106 @@
+"""Rooms whose pictures end below their ceiling: one is guessed; not over a yard, whose walls are seen to end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mirelight.lighting.sight import Sight
+from mirelight.model import Camera
+from mirelight.proxy.ceiling import Ceiling, ceiling_of
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.pictures import Pictures
+from mirelight.proxy.planes import planes_of
+from mirelight.proxy.types import ProxySettings, Soup
+from mirelight.proxy.unseen import closing
+from mirelight.proxy.views import rays
+
+HALF, CELL = 2.0, 0.1  # a floor at y = 0, 4 x 4, its walls as high as they are seen
+
+
+def wall(low: np.ndarray, along: np.ndarray, up: np.ndarray) -> Soup:
+    """A rectangle in cells of about 0.1."""
+    n, m = (round(float(np.linalg.norm(x)) / 0.1) for x in (along, up))
+    s, t = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1), indexing="ij")
+    i = np.arange((n + 1) * (m + 1)).reshape(n + 1, m + 1)
+    a, b, c, d = i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]
+    faces = np.concatenate([np.stack(x, -1).reshape(-1, 3) for x in ((a, b, c), (a, c, d))])
+    return Soup(low + s.reshape(-1, 1) * along + t.reshape(-1, 1) * up, faces)
+
+
+def room(high: float, sides: int = 4) -> Soup:
+    """A floor and walls around it, fronts inwards."""
+    x, y, z = np.eye(3)
+    out = wall(-HALF * x + HALF * z, 2 * HALF * x, -2 * HALF * z)
+    for k in range(sides):
+        turn = np.round(np.array([[np.cos(a), 0, np.sin(a)] for a in (k * np.pi / 2, (k + 1) * np.pi / 2)]))
+        out = out.beside(wall(HALF * turn[0] - HALF * turn[1], 2 * HALF * turn[1], high * y))
+    return out
+
+
+def looking_down(aim: float) -> list[Camera]:
+    """A walk round a table."""
+    turns = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    return [
+        Camera.look_at((1.2 * np.cos(a), 1.5, 1.2 * np.sin(a)), (0, aim, 0), 120, 80, yfov=50, name=f"{k}")
+        for k, a in enumerate(turns)
+    ]
+
+
+def guessed(soup: Soup, cameras: list[Camera]) -> Ceiling | None:
+    pictures = Pictures.of(cameras, Sight(soup.mesh()))
+    return ceiling_of(soup, planes_of(soup, CELL, 0.1), pictures, CELL)
+
+
+def test_a_room_gets_a_ceiling_a_third_higher_than_its_cameras() -> None:
+    found = guessed(room(1.8), looking_down(0.8))
+    assert found is not None
+    np.testing.assert_allclose(found.up, [0, 1, 0], atol=1e-6)
+    assert found.height == pytest.approx(4 / 3 * 1.5, abs=0.05)
+    assert len(found.walls) == 4
+
+
+@pytest.mark.parametrize(
+    ("soup", "aim"),
+    [
+        pytest.param(room(1.3), 1.3, id="walls that end in the pictures"),
+        pytest.param(room(1.8, sides=3), 0.8, id="a side without a wall"),
+        pytest.param(room(0.0, sides=0), 0.8, id="a floor alone"),
+        pytest.param(room(3.0), 2.6, id="cameras that look up"),
+    ],
+)
+def test_others_get_none(soup: Soup, aim: float) -> None:
+    assert guessed(soup, looking_down(aim)) is None
+
+
+def test_no_light_comes_from_above_and_the_window_stays_open() -> None:
+    """A window that the pictures show from 1.0 to 1.6; above it they end, and there the wall is closed."""
+    soup = room(1.8)
+    middle = soup.vertices[soup.faces].mean(axis=1)
+    pane = (middle[:, 0] > HALF - 0.01) & (np.abs(middle[:, 2]) < 0.5) & (middle[:, 1] > 1.0)
+    soup = Soup(soup.vertices, soup.faces[~pane])
+    added = closing(soup, looking_down(1.0), 0.03, ProxySettings(), lambda *_: None)
+    sight = Sight(soup.beside(added).mesh())
+    rng = np.random.default_rng(2)
+    ways = rng.normal(size=(2000, 3))
+    ways[:, 1] = np.abs(ways[:, 1]) + 0.5 * np.hypot(ways[:, 0], ways[:, 2])
+    assert sight.blocked(np.array([0.0, 1.0, 0.0]), ways).all()
+    through = np.array([[HALF, y, z] for y in (1.1, 1.3) for z in (-0.3, 0.0, 0.3)]) - (0, 1.2, 0)
+    assert not sight.blocked(np.array([0.0, 1.2, 0.0]), through).any()
+
+
+def test_nothing_was_seen_through_a_gap_where_splats_show_something() -> None:
+    soup = room(1.8)
+    middle = soup.vertices[soup.faces].mean(axis=1)
+    gap = (middle[:, 0] > HALF - 0.01) & (np.hypot(middle[:, 1] - 1.0, middle[:, 2]) < 0.3)
+    camera = Camera.look_at((0, 1, 0), (1, 1, 0), 120, 80, yfov=50)
+    whole, pierced = (Sight(x.mesh()) for x in (soup, Soup(soup.vertices, soup.faces[~gap])))
+    behind = np.array([[3.0, 1.0, 0.0]], np.float32)
+    assert Pictures.of([camera], pierced).states(behind, 0.0)[0].all()
+    origins, ways = rays(camera)
+    _, far = whole.first_hits(np.broadcast_to(origins, ways.shape).reshape(-1, 3), ways.reshape(-1, 3))
+    one = np.ones((80, 120), np.float32)
+    three = np.zeros((80, 120, 3), np.float32)
+    seen = DepthMap(camera, three, one, far.reshape(80, 120).astype(np.float32), three, one, one)
+    free, shown = Pictures.of([camera], pierced, [seen]).states(behind, 0.0)
+    assert shown.all() and not free.any()

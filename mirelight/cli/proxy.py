@@ -36,6 +36,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="the capture's cameras, in its own axes: it is looked at from there, and what they did not see is closed "
         "against light",
     )
+    parser.add_argument(
+        "--no-ceiling",
+        action="store_true",
+        help="leave a room open above its pictures: for a yard with walls all round, captured without its sky",
+    )
     parser.add_argument("--triangles", metavar="N", type=int, help="make no more than about N")
     options.add_json(parser)
     options.add_quiet(parser)
@@ -124,7 +129,7 @@ def _made(
 
     cameras = _cameras(args.cameras) if args.cameras is not None else ()
     if args.fit is None:
-        settings = ProxySettings(triangles=args.triangles)
+        settings = ProxySettings(triangles=args.triangles, ceiling=not args.no_ceiling)
         guess = partial(guessed_of_file, Path(args.splats), cloud)
         made = make(cloud, settings, report, cameras=cameras, source=args.splats, guess=guess)
         how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
@@ -132,6 +137,8 @@ def _made(
             how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"
         elif made.guessed:
             how += f"; from {made.guessed} guessed views, as no cameras are given: --cameras is surer"
+        if made.ceiling is not None:
+            how += f"; a ceiling is guessed {made.ceiling:.3g} over the floor, above all pictures (--no-ceiling: none)"
         return how, made.mesh, made.quality, None
     mesh = read_mesh(args.fit)
     looked = seen_by(cameras) if cameras else None

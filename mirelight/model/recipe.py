@@ -34,6 +34,7 @@ class ProxyRecipe:
     mesh: Deferred[ProxyMesh]  # without the job's albedo; there once it was made, or supplied from an earlier time
     splats: Deferred[SplatCloud]  # in world space
     cameras: tuple[Camera, ...] = ()  # of the capture's pictures, where they are known
+    ceiling: bool = True  # whether one is guessed in a room whose pictures end below it
     variant: Variant = "llvm_ad_rgb"
     threads: int | None = None
     source: str = ""  # the file that messages name

@@ -27,6 +27,7 @@ class Ceiling:
 
     up: F64  # (3,) unit, from the floor
     height: float  # along it, from the origin
+    floor: float  # the floor's
     walls: tuple[tuple[F64, float], ...]  # (3,) unit normal towards the cameras, and offset, of each
 
     def box(self, low: F64, high: F64) -> tuple[F64, F64]:
@@ -78,7 +79,7 @@ def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: fl
             if abs(float(normal @ up)) < TUNING.ceiling_across
             and np.quantile(soup.vertices[soup.faces[plane.faces]] @ up, TUNING.ceiling_top) > heights.min()
         )
-        found = Ceiling(up, height, walls)
+        found = Ceiling(up, height, floor, walls)
         if walls and _holds(found, pictures, cell):
             return found
     return None

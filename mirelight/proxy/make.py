@@ -103,14 +103,16 @@ def make(
         soup = decimated(soup, settings.triangles)
     report("judging the proxy", 0.9)
     quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
-    whole = soup
+    whole, ceiling = soup, None
     if there:
-        whole = soup.beside(closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), shown))
+        added = closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), shown)
+        whole, ceiling = soup.beside(added.soup), added.ceiling
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
         method=method,
         quality=quality,
         unseen=len(whole.faces) - len(soup.faces),
+        ceiling=None if ceiling is None else ceiling.height - ceiling.floor,
         guessed=0 if cameras else len(there),
         seconds=time.monotonic() - began,
     )

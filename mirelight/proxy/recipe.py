@@ -34,4 +34,4 @@ def made_by(recipe: ProxyRecipe, guess: Guess) -> ProxyMesh:
 
 def settings_of(recipe: ProxyRecipe) -> ProxySettings:
     """How a job's proxy is made."""
-    return ProxySettings(variant=recipe.variant, threads=recipe.threads)
+    return ProxySettings(ceiling=recipe.ceiling, variant=recipe.variant, threads=recipe.threads)

@@ -22,6 +22,7 @@ class ProxySettings:
     method: Literal["auto", "cells", "depth"] = "auto"  # auto: cells where splats are thin discs, else depth maps
     views: Literal["auto", "around", "inside"] = "auto"  # inside too: auto does where views from around miss much
     triangles: int | None = None  # at most about so many; None: as many as the shape needs
+    ceiling: bool = True  # whether a room whose pictures end below its ceiling gets one
     variant: Variant = "llvm_ad_rgb"
     threads: int | None = None  # None: as they are
 
@@ -86,6 +87,7 @@ class MadeProxy:
     method: Method
     quality: ProxyQuality  # of the surface that was seen
     unseen: int  # triangles of the mesh, its last, that close what no camera saw against light
+    ceiling: float | None  # how high over the floor one is guessed, above all pictures; None: there is none
     guessed: int  # views that it was looked at from, where its cameras are not known but splats tell of them; 0: none
     seconds: float  # that it took
 

@@ -11,6 +11,7 @@ pictures end below its ceiling gets one (`ceiling`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,12 +20,20 @@ from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, triangles
 from mirelight.proxy.backs import backs_of
 from mirelight.proxy.beyond import Look, beyond_pictures, box_of, cell_of
-from mirelight.proxy.ceiling import ceiling_of
+from mirelight.proxy.ceiling import Ceiling, ceiling_of
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings, Soup
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closing:
+    """What closes a surface."""
+
+    soup: Soup  # fronts face the space that was seen
+    ceiling: Ceiling | None  # the guess that is part of it
 
 
 def closing(
@@ -34,14 +43,14 @@ def closing(
     settings: ProxySettings,
     progress: ShareProgress,
     shown: Sequence[DepthMap] = (),
-) -> Soup:
-    """What closes a surface against light from where no camera saw: fronts face the space that was seen.
+) -> Closing:
+    """What closes a surface against light from where no camera saw.
 
     Args:
         soup: the surface, in the space of the cameras.
         cameras: those of the capture.
         spacing: of the capture's splats.
-        settings: the variant.
+        settings: the variant; whether a ceiling is guessed.
         progress: hears what is done.
         shown: depth maps by cameras of these: through a gap of the surface nothing was seen where they show something.
     """
@@ -53,7 +62,7 @@ def closing(
     cell = cell_of(low, high, spacing)
     planes = planes_of(soup, cell, TUNING.beyond_small * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
-    ceiling = ceiling_of(soup, planes, pictures, cell)
+    ceiling = ceiling_of(soup, planes, pictures, cell) if settings.ceiling else None
     if ceiling is not None:
         low, high = ceiling.box(low, high)
         backs = backs.beside(ceiling.soup(planes, low, high, cell, pictures))
@@ -62,4 +71,4 @@ def closing(
     def look(before: float) -> Look:
         return lambda points: pictures.states(points.astype(np.float32), -before)
 
-    return backs.beside(beyond_pictures(soup, planes, low, high, cell, look))
+    return Closing(backs.beside(beyond_pictures(soup, planes, low, high, cell, look)), ceiling)

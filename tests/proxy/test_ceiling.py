@@ -80,7 +80,8 @@ def test_no_light_comes_from_above_and_the_window_stays_open() -> None:
     pane = (middle[:, 0] > HALF - 0.01) & (np.abs(middle[:, 2]) < 0.5) & (middle[:, 1] > 1.0)
     soup = Soup(soup.vertices, soup.faces[~pane])
     added = closing(soup, looking_down(1.0), 0.03, ProxySettings(), lambda *_: None)
-    sight = Sight(soup.beside(added).mesh())
+    assert added.ceiling is not None
+    sight = Sight(soup.beside(added.soup).mesh())
     rng = np.random.default_rng(2)
     ways = rng.normal(size=(2000, 3))
     ways[:, 1] = np.abs(ways[:, 1]) + 0.5 * np.hypot(ways[:, 0], ways[:, 2])

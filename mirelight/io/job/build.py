@@ -148,11 +148,13 @@ def _made_of_splats(
         return None
     render = table.render
     named = source.folder / table.splats[0].path if len(table.splats) == 1 else source.path
-    known = model.digest("proxy of splats", splats.digest, render.variant, *((cameras,) if cameras else ()))
+    ceiling = table.proxy.ceiling
+    known = model.digest("proxy of splats", splats.digest, render.variant, ceiling, *((cameras,) if cameras else ()))
     return ProxyRecipe(
         mesh=Deferred(known, not_made_yet),
         splats=splats,
         cameras=cameras,
+        ceiling=ceiling,
         variant=render.variant,
         threads=render.threads,
         source=str(named),

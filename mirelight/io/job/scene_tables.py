@@ -153,9 +153,16 @@ class ProxyTable(Table):
         "lie beside the cameras' file as it names them; or the folder in which they lie. What the splats show is a "
         "little too bright where it is dark.",
     )
+    ceiling: bool = Field(
+        default=True,
+        description="Of a proxy made from the splats: whether a room whose walls go on above all pictures gets a "
+        "ceiling there. false for a yard with walls all round, captured without its sky.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> ProxyTable:
+        if self.path != SPLATS and "ceiling" in self.model_fields_set:
+            raise wrong("a ceiling of a proxy that is a file", "leave it out", at="ceiling")
         if self.path == SPLATS and self.transform.model_fields_set:
             raise wrong("a transform of a proxy that is made from the splats", "give it to the splats", at="transform")
         if "pictures" in self.model_fields_set and self.cameras is None:

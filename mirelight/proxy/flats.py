@@ -161,7 +161,7 @@ def _along(rows: F64, way: F64) -> F64:
 
 
 def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> tuple[F64, float]:
-    """The plane of least squares through the largest piece of what lies on a plane.
+    """The plane of least squares through the largest piece of what lies on a plane, and then through what lies on that.
 
     Through all of it, the plane of a table would lean to take a worktop a little higher with it.
     """
@@ -169,7 +169,8 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
         wide = tolerance * (1.5 if k < TUNING.flat_rounds // 2 else 1.0)
         off = (points.at[rows] * normal).sum(axis=1) - offset
         on = (np.abs(off) < wide) & (np.abs((points.normal[rows] * normal).sum(axis=1)) > TUNING.plane_cosine)
-        on[on] = _one_piece(points, rows[on], normal, tolerance)
+        if k < TUNING.flat_rounds // 2:
+            on[on] = _one_piece(points, rows[on], normal, tolerance)
         if on.sum() < 30:
             break
         at, weight = points.at[rows[on]], points.weight[rows[on]] * (1 - (off[on] / wide) ** 2) ** 2

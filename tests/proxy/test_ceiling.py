@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera
+from mirelight.proxy import make
+from mirelight.proxy.capture import take
 from mirelight.proxy.ceiling import Ceiling, ceiling_of
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.pictures import Pictures
@@ -14,6 +18,8 @@ from mirelight.proxy.planes import planes_of
 from mirelight.proxy.types import ProxySettings, Soup
 from mirelight.proxy.unseen import closing
 from mirelight.proxy.views import rays
+
+from .clouds import box_shell
 
 HALF, CELL = 2.0, 0.1  # a floor at y = 0, 4 x 4, its walls as high as they are seen
 
@@ -105,3 +111,22 @@ def test_nothing_was_seen_through_a_gap_where_splats_show_something() -> None:
     seen = DepthMap(camera, three, one, far.reshape(80, 120).astype(np.float32), three, one, one)
     free, shown = Pictures.of([camera], pierced, [seen]).states(behind, 0.0)
     assert shown.all() and not free.any()
+
+
+def test_a_proxy_of_splats_says_how_high_and_can_go_without() -> None:
+    """Discs on a floor and four walls, as far up as pictures show them."""
+    whole = box_shell(4.0, 0.08, thin=0.02, faces=(0, 1, 2, 4, 5))
+    cloud = take(whole, np.flatnonzero(whole.means[:, 1] < -0.3))
+    cameras = [replace(x, world_from_camera=lowered(x.world_from_camera)) for x in looking_down(0.8)]
+    made, without = (make(cloud, ProxySettings(ceiling=x), cameras=cameras) for x in (True, False))
+    assert made.ceiling == pytest.approx(4 / 3 * 1.5, abs=0.1)
+    assert without.ceiling is None
+    up = np.array([[0.0, 1, 0]])
+    assert [bool(Sight(x.mesh).blocked(np.array([0.5, -1, 0.5]), up)[0]) for x in (made, without)] == [True, False]
+
+
+def lowered(matrix: np.ndarray) -> np.ndarray:
+    """By two, as the shell's floor lies there."""
+    out = matrix.copy()
+    out[1, 3] -= 2
+    return out

@@ -51,7 +51,7 @@ class Ceiling:
         return out
 
     def _between(self, points: F64, margin: float) -> Bool:
-        return np.all([points @ normal > offset - margin for normal, offset in self.walls], axis=0)
+        return np.asarray(np.all([points @ normal > offset - margin for normal, offset in self.walls], axis=0))
 
 
 def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: float) -> Ceiling | None:

@@ -7,6 +7,7 @@ import shutil
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,8 @@ def test_a_thing_without_a_floor_is_a_guess_and_cameras_are_not() -> None:
 def test_guessed_views_tell_which_end_of_a_thing_is_up() -> None:
     for high, way in ((1.0, 1), (-1.0, -1), (0.05, -1)):  # who looks level tells nothing
         eyes = [(2 * np.sin(a), high, 2 * np.cos(a)) for a in range(6)]
-        found = up.find(ball(), Path("a.ply"), (), lambda at=eyes: [Camera.look_at(x, (0, 0, 0), 8, 8) for x in at])
+        views = [Camera.look_at(x, (0, 0, 0), 8, 8) for x in eyes]
+        found = up.find(ball(), Path("a.ply"), (), partial(tuple, views))
         assert found.guessed and found.way[1] == way
 
 

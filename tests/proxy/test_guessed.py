@@ -23,7 +23,7 @@ from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.scene import prepare
 from mirelight.proxy import ProxySettings, make
 from mirelight.proxy.capture import Capture, look_at_capture
-from mirelight.proxy.guessed import guessed
+from mirelight.proxy.guessed import guessed, taken_from
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import lattice, moved
 
@@ -129,7 +129,7 @@ def test_the_same_is_seen_wherever_a_capture_is_placed() -> None:
     own, world = (
         guesses.guessed(OwnSplats(Deferred.of(cloud), at), SETTINGS, kept.get, kept.put) for at in (np.eye(4), m)
     )
-    assert digest(own) == digest(guesses.taken_from(cloud, SETTINGS))
+    assert digest(own) == digest(taken_from(cloud, SETTINGS))
     assert np.allclose([x.position for x in world], [m[:3, :3] @ x.position + m[:3, 3] for x in own])
     assert np.isclose(world[0].near, 2.5 * own[0].near)
     seen = [Compositor(c).composite(x[0]).color for c, x in ((cloud, own), (splats.transform(cloud, m), world))]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mirelight.apps.first_job import view
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera
 from mirelight.proxy import make
@@ -130,3 +131,14 @@ def lowered(matrix: np.ndarray) -> np.ndarray:
     out = matrix.copy()
     out[1, 3] -= 2
     return out
+
+
+def test_a_first_job_takes_walls_all_round_for_a_room() -> None:
+    """Not where a side is open, nor where a picture shows what is above."""
+    whole = box_shell(4.0, 0.08, thin=0.02, faces=(0, 1, 2, 4, 5))
+    open_ = box_shell(4.0, 0.08, thin=0.02, faces=(0, 2, 4))
+    low, up = (
+        [replace(x, world_from_camera=lowered(x.world_from_camera)) for x in looking_down(y)] for y in (0.8, 3.0)
+    )
+    seen = [view.best(cloud, "room.ply", cameras).room for cloud, cameras in ((whole, low), (open_, low), (whole, up))]
+    assert seen == [True, False, False]

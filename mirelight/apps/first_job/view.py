@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +15,19 @@ from mirelight.proxy.depth import pixels_of
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.types import ProxySettings
 
+if TYPE_CHECKING:
+    from mirelight.compositor import Compositor
+
 YFOV = 40.0  # degrees
 ROOM_YFOV = 60.0
 _WIDTH, _HEIGHT = 160, 90
 _AZIMUTHS = np.arange(0, 360, 30.0)
 _ELEVATIONS = (12.0, 25.0)
 _ENCLOSED = 0.9  # mean alpha around the middle, above which a capture is a room
+_LEVEL = 16.0  # degrees: of what is seen level all round
+_WALLS = 3.0  # times as far from the middle of the cameras as those stand
+_FOG = 0.06  # of their distance, over which they blend: walls 0.015, skies 0.18
+_SHOWN_ABOVE = 0.05  # of what is above, that a picture may show where it is not known to be open
 _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
 _MOST_CAPTURED = 24  # cameras of the capture that are tried
 _STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
@@ -84,7 +92,10 @@ def best(
     points = solid[((solid >= low) & (solid <= high)).all(axis=1)]
     points = points[:: max(1, len(points) // 4000)] if len(points) else solid
     compositor = Compositor(cloud)
-    room = not outside and _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+    room = not outside and (
+        _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
+        or (bool(captured) and _is_walled(compositor, captured))
+    )
     tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
     if not captured:
         tried = [_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings()))]
@@ -173,6 +184,28 @@ def _is_room(sides: Sequence[SplatLayer], radius: float) -> bool:
     depths = np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
     closed = float(alpha[1:].mean()) > _ENCLOSED and float(alpha[0]) > _HALF_OPEN
     return closed and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
+
+
+def _is_walled(compositor: Compositor, captured: Sequence[Camera]) -> bool:
+    """Whether cameras that never look up have walls all round, hardly farther off than they went: a room without its
+    ceiling, as pictures of things on a table show it."""
+    eyes = np.array([x.position for x in captured])
+    amid = eyes.mean(axis=0)
+    went = float(np.linalg.norm(eyes - amid, axis=1).max())
+    x, z = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-1, 1, 9)]))
+    above = amid + went * np.stack([x, np.ones_like(x), z], axis=1)
+    if not went > 0 or any(_share(above, camera) > _SHOWN_ABOVE for camera in captured):
+        return False
+    turns = np.radians(_AZIMUTHS)
+    level = [amid + np.array([np.sin(a), 0, np.cos(a)]) for a in turns]
+    looks = [Camera.look_at(amid, at, 32, 24, yfov=_LEVEL, near=1e-3 * went) for at in level]
+    sides = [compositor.composite(camera, depth=True) for camera in looks]
+    closed = float(np.mean([1 - x.transmittance.mean() for x in sides]))
+    far = np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
+    mean = np.concatenate([x.depth[x.median_depth > 0] for x in sides])
+    if closed < _ENCLOSED or np.quantile(far, 0.9) > _WALLS * went:
+        return False
+    return float(np.median(np.abs(mean - far) / far)) < _FOG  # splats of a sky hang anywhere
 
 
 def _inside(low: F64, high: F64) -> Iterable[Camera]:

@@ -245,7 +245,9 @@ def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: flo
 
 
 def turned_outwards(points: Points, rows: Int, normal: F64) -> float:
-    """By how much, in radians, normals turn from the middle of these points outwards: 0 of a plane, rough or not.
+    """By how much, in radians, normals turn from the middle of points outwards: 0 of a plane, rough or not.
+
+    `rows` (N,) of the points, and `normal` (3,) of their plane.
 
     The turn is regressed on the place in the plane, and asked along its longest and its shortest way, each as far as it
     reaches: a strip of wall is not as round as its narrow side would be if it were as long as the other.

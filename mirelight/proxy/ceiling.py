@@ -70,7 +70,10 @@ def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: fl
     area = float(triangles.areas(soup.vertices[soup.faces]).sum())
     large = [plane for plane in planes if plane.area >= TUNING.beyond_least_area * area]
     fronts = [(plane, *side) for plane in large if (side := _facing(plane, pictures.eyes)) is not None]
+    held = np.mean([camera.world_from_camera[:3, 1] for camera in pictures.cameras], axis=0)
     for _, up, floor in fronts:
+        if abs(float(held @ up)) < TUNING.ceiling_upright:  # a wall, before which they stand
+            continue
         heights = pictures.eyes @ up
         seen = float(np.quantile(soup.vertices @ up, TUNING.ceiling_seen))
         height = max(seen, floor + TUNING.ceiling_over * (float(heights.max()) - floor))
@@ -78,7 +81,8 @@ def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: fl
             (normal, offset)
             for plane, normal, offset in fronts
             if abs(float(normal @ up)) < TUNING.ceiling_across
-            and np.quantile(soup.vertices[soup.faces[plane.faces]] @ up, TUNING.ceiling_top) > heights.min()
+            and np.quantile(soup.vertices[soup.faces[plane.faces]] @ up, TUNING.ceiling_top)
+            > np.quantile(heights, 0.25)
         )
         found = Ceiling(up, height, floor, walls)
         if walls and _holds(found, pictures, cell):

@@ -105,7 +105,7 @@ def make(
     quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
     whole, ceiling = soup, None
     if there:
-        added = closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), shown)
+        added = closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), shown, guessed=not cameras)
         whole, ceiling = soup.beside(added.soup), added.ceiling
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),

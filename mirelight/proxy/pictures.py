@@ -45,6 +45,13 @@ class Pictures:
         """(C, 3) where the cameras stand."""
         return np.stack([camera.position for camera in self.cameras])
 
+    def opaque(self, shown: Sequence[DepthMap]) -> Pictures:
+        """The same, as if they ended where depth maps by these cameras show nothing: guessed ones may look farther up
+        than any picture did."""
+        maps = {view.camera.world_from_camera.tobytes(): view for view in shown}
+        found = zip(self.cameras, self.depths, strict=True)
+        return Pictures(self.cameras, tuple(_ended(d, maps.get(x.world_from_camera.tobytes())) for x, d in found))
+
     def states(self, points: F32, margin: float) -> tuple[Bool, Bool]:
         """(N,) whether a camera looked through a point, or has it less than `margin` behind the surface; and whether
         one has it in its picture at all, seen or hidden."""
@@ -69,15 +76,26 @@ def _depth(camera: Camera, sight: Sight) -> F32:
     return np.asarray(maximum_filter(near, TUNING.seen_crack))
 
 
+def _ended(depth: F32, view: DepthMap | None) -> F32:
+    """Depths (H, W), NaN where a depth map, of any size, shows nothing."""
+    if view is None:
+        return depth
+    nothing = np.isinf(depth) & (_sampled(view.alpha, depth.shape) <= TUNING.depth_opaque)
+    return np.where(nothing, np.float32(np.nan), depth)
+
+
+def _sampled(picture: F32, shape: tuple[int, ...]) -> F32:
+    """The nearest pixels of a picture (h, w), as many as the shape has."""
+    rows, columns = (((np.arange(n) + 0.5) * m / n).astype(np.int64) for n, m in zip(shape, picture.shape, strict=True))
+    return np.asarray(picture[np.ix_(rows, columns)])
+
+
 def _without_gaps(depth: F32, view: DepthMap | None) -> F32:
     """Depths (H, W) with those of a depth map, of any size, where there are none."""
     if view is None:
         return depth
-    rows, columns = (
-        ((np.arange(n) + 0.5) * m / n).astype(np.int64) for n, m in zip(depth.shape, view.depth.shape, strict=True)
-    )
-    own = view.depth[np.ix_(rows, columns)]
-    opaque = (own > 0) & (view.alpha[np.ix_(rows, columns)] > TUNING.depth_opaque)
+    own = _sampled(view.depth, depth.shape)
+    opaque = (own > 0) & (_sampled(view.alpha, depth.shape) > TUNING.depth_opaque)
     return np.where(np.isinf(depth) & opaque, own, depth)
 
 

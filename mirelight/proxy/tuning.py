@@ -159,11 +159,13 @@ class Tuning:
     # ceilings above all pictures (`ceiling`)
     ceiling_over: float = 4 / 3  # of the highest camera's height over the floor
     ceiling_seen: float = 0.999  # of the surface, that lies lower
-    ceiling_top: float = 0.98  # of a wall, that lies lower: its top is above the lowest camera
+    ceiling_upright: float = 0.7  # of the cameras' up, on the mean, that is the floor's
+    ceiling_top: float = 0.98  # of a wall, that lies lower: its top is above a quarter of the cameras
     ceiling_across: float = 0.2  # cosine between the normals of floor and walls
     ceiling_ways: int = 72  # in which walls are looked for
     ceiling_steps: int = 16  # up a wall, and over the floor
-    ceiling_ended: float = 0.3  # of the ways, at most, in which a wall ends in pictures, or has a window
+    # of the ways, at most, in which a wall ends in pictures, or has a window: a kitchen has 0.15, by guessed views 0.4
+    ceiling_ended: float = 0.45
     ceiling_shown: float = 0.05  # of what is between the walls up there, at most, that a picture shows
     beyond_cells: int = 200  # along the box's longest side
 

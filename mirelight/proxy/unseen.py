@@ -43,6 +43,7 @@ def closing(
     settings: ProxySettings,
     progress: ShareProgress,
     shown: Sequence[DepthMap] = (),
+    guessed: bool = False,
 ) -> Closing:
     """What closes a surface against light from where no camera saw.
 
@@ -53,6 +54,7 @@ def closing(
         settings: the variant; whether a ceiling is guessed.
         progress: hears what is done.
         shown: depth maps by cameras of these: through a gap of the surface nothing was seen where they show something.
+        guessed: whether the cameras are: a ceiling may be where they show nothing.
     """
     progress("looking for what no camera saw", 0.0)
     sight = Sight(soup.mesh(), settings.variant, settings.threads)
@@ -62,10 +64,11 @@ def closing(
     cell = cell_of(low, high, spacing)
     planes = planes_of(soup, cell, TUNING.beyond_small * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
-    ceiling = ceiling_of(soup, planes, pictures, cell) if settings.ceiling else None
+    told = pictures.opaque(shown) if guessed else pictures
+    ceiling = ceiling_of(soup, planes, told, cell) if settings.ceiling else None
     if ceiling is not None:
         low, high = ceiling.box(low, high)
-        backs = backs.beside(ceiling.soup(planes, low, high, cell, pictures))
+        backs = backs.beside(ceiling.soup(planes, low, high, cell, told))
     progress("carrying on walls", 0.7)
 
     def look(before: float) -> Look:

@@ -142,3 +142,20 @@ def test_a_first_job_takes_walls_all_round_for_a_room() -> None:
     )
     seen = [view.best(cloud, "room.ply", cameras).room for cloud, cameras in ((whole, low), (open_, low), (whole, up))]
     assert seen == [True, False, False]
+
+
+def test_no_side_is_closed_as_a_ceiling() -> None:
+    """Three walls, a floor and a roof before cameras that look at the middle wall: behind them it stays open."""
+    roof = wall(np.array([-HALF, 1.8, -HALF]), np.array([2 * HALF, 0, 0]), np.array([0, 0, 2 * HALF]))
+    cameras = [Camera.look_at((0.4 * k, 1.0, -1.5), (0.2 * k, 0.8, 2), 120, 80, yfov=50) for k in range(-2, 3)]
+    assert guessed(room(1.8, sides=3).beside(roof), cameras) is None
+
+
+def test_guessed_views_end_where_splats_show_nothing() -> None:
+    camera = Camera.look_at((0, 1, 0), (1, 2, 0), 120, 80, yfov=50)
+    above = np.array([[1.0, 2.0, 0.0]], np.float32)
+    pictures = Pictures.of([camera], Sight(room(1.3).mesh()))
+    assert pictures.states(above, 0.0)[1].all()
+    none, three = np.zeros((40, 60), np.float32), np.zeros((40, 60, 3), np.float32)
+    seen = DepthMap(camera.scaled(0.5), three, none, none, three, none, none)
+    assert not np.any(pictures.opaque([seen]).states(above, 0.0))

@@ -36,8 +36,7 @@ class Pictures:
             shown: depth maps by some of these cameras: what they see where the surface has a gap.
         """
         chosen = tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // TUNING.seen_cameras)])
-        maps = {view.camera.world_from_camera.tobytes(): view for view in shown}
-        found = ((camera, maps.get(camera.world_from_camera.tobytes())) for camera in chosen)
+        found = zip(chosen, _maps_of(chosen, shown), strict=True)
         return Pictures(chosen, tuple(_without_gaps(_depth(x, sight), view) for x, view in found))
 
     @property
@@ -48,9 +47,8 @@ class Pictures:
     def opaque(self, shown: Sequence[DepthMap]) -> Pictures:
         """The same, as if they ended where depth maps by these cameras show nothing: guessed ones may look farther up
         than any picture did."""
-        maps = {view.camera.world_from_camera.tobytes(): view for view in shown}
-        found = zip(self.cameras, self.depths, strict=True)
-        return Pictures(self.cameras, tuple(_ended(d, maps.get(x.world_from_camera.tobytes())) for x, d in found))
+        found = zip(self.depths, _maps_of(self.cameras, shown), strict=True)
+        return Pictures(self.cameras, tuple(_ended(depth, view) for depth, view in found))
 
     def states(self, points: F32, margin: float) -> tuple[Bool, Bool]:
         """(N,) whether a camera looked through a point, or has it less than `margin` behind the surface; and whether
@@ -74,6 +72,12 @@ def _depth(camera: Camera, sight: Sight) -> F32:
     _, distance = sight.first_hits(starts, directions.reshape(-1, 3))
     near = minimum_filter(distance.reshape(directions.shape[:2]).astype(np.float32), TUNING.seen_crack)
     return np.asarray(maximum_filter(near, TUNING.seen_crack))
+
+
+def _maps_of(cameras: Sequence[Camera], shown: Sequence[DepthMap]) -> list[DepthMap | None]:
+    """For each camera the depth map from where it stands; None: there is none."""
+    maps = {view.camera.world_from_camera.tobytes(): view for view in shown}
+    return [maps.get(camera.world_from_camera.tobytes()) for camera in cameras]
 
 
 def _ended(depth: F32, view: DepthMap | None) -> F32:

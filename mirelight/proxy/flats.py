@@ -6,7 +6,7 @@ what is seen (Fischler and Bolles, 1981; greedy, the largest first) it is kept f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -184,18 +184,29 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
 
 
 def _one_piece(points: Points, rows: Int, normal: F64, tolerance: float) -> Bool:
-    """(N,) which of these points of a plane are in its largest piece, small gaps closed."""
+    """(N,) which of these points of a plane are in its largest piece."""
+    if not len(rows):
+        return np.zeros(0, bool)
+    own = _pieces(points.at[rows], normal, tolerance)(points.at[rows])
+    return np.asarray(own == np.bincount(own, points.weight[rows]).argmax())
+
+
+def _pieces(points: F64, normal: F64, tolerance: float) -> Callable[[F64], Int]:
+    """Tells over which piece of a plane, from 1, points (M, 3) lie, 0: none; it is cells that hold points (N, 3), small
+    gaps closed."""
     from scipy.ndimage import binary_closing, label
 
-    i = np.floor(turned_to(points.at[rows], _axes(normal)) / (TUNING.plane_cell * tolerance)).astype(np.int64)
-    if not len(i):
-        return np.zeros(0, bool)
-    i -= i.min(axis=0)
-    cells = np.zeros(tuple(i.max(axis=0) + 1), bool)
-    cells[tuple(i.T)] = True
-    part, _ = label(binary_closing(np.pad(cells, 1))[1:-1, 1:-1] | cells)
-    own = part[tuple(i.T)]
-    return np.asarray(own == np.bincount(own, points.weight[rows]).argmax())
+    axes = _axes(normal)
+
+    def cells(some: F64) -> Int:
+        return np.floor(turned_to(some, axes) / (TUNING.plane_cell * tolerance)).astype(np.int64)
+
+    i = cells(points)
+    low = i.min(axis=0) - 1  # a rim that is in no piece
+    there = np.zeros(tuple(i.max(axis=0) + 2 - low), bool)
+    there[tuple((i - low).T)] = True
+    part, _ = label(binary_closing(there))
+    return lambda some: part[tuple(np.clip(cells(some) - low, 0, np.array(part.shape) - 1).T)]
 
 
 def _lean(points: Points, normal: F64, offset: float, rows: Int) -> float:
@@ -225,23 +236,11 @@ def _turned_upright(
 
 def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> Int:
     """Of the points on a plane those in parts of it that have little beside them: others are slices of a heap."""
-    from scipy.ndimage import binary_closing, label
-
-    i = np.floor(turned_to(points.at, _axes(normal)) / (TUNING.plane_cell * tolerance)).astype(np.int64)
-    low, high = i[rows].min(axis=0), i[rows].max(axis=0)
-    cells = np.zeros(tuple(high - low + 1), bool)
-    cells[tuple((i[rows] - low).T)] = True
-    part, count = label(binary_closing(np.pad(cells, 1))[1:-1, 1:-1])
-    near = np.flatnonzero(
-        (np.abs((points.at * normal).sum(axis=1) - offset) < TUNING.plane_beside * tolerance)
-        & ((i >= low) & (i <= high)).all(axis=1)
-    )
-
-    def held(some: Int) -> F64:
-        return np.asarray(np.bincount(part[tuple((i[some] - low).T)], points.weight[some], minlength=count + 1), "f8")
-
-    kept = held(rows) > TUNING.plane_alone * held(near)
-    return np.asarray(rows[kept[part[tuple((i[rows] - low).T)]]])
+    near = np.abs((points.at * normal).sum(axis=1) - offset) < TUNING.plane_beside * tolerance
+    piece = _pieces(points.at[rows], normal, tolerance)
+    own, beside = piece(points.at[rows]), piece(points.at[near])
+    held, all_ = np.bincount(own, points.weight[rows]), np.bincount(beside, points.weight[near])
+    return np.asarray(rows[(held > TUNING.plane_alone * all_)[own]])
 
 
 def turned_outwards(points: Points, rows: Int, normal: F64) -> float:

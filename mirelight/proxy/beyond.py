@@ -64,7 +64,7 @@ def beyond_pictures(
     looked = [
         _Looked.of(soup, k, planes, (low, high), cell, look(TUNING.beyond_near * cell)) for k in range(len(planes))
     ]
-    vertices, faces, start = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    out = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     done: dict[int, Bool] = {}
     for k in 2 * sorted(range(len(planes)), key=lambda k: planes[k].area):  # what each closes, the others meet
         plane, known = planes[k], looked[k]
@@ -79,10 +79,8 @@ def beyond_pictures(
             int(TUNING.beyond_marks * triangles.areas(made.vertices[made.faces]).sum() / cell**2),
         )
         marks, of = np.concatenate([marks, more]), np.concatenate([of, np.full(len(more), k)])
-        vertices.append(made.vertices)
-        faces.append(made.faces + start)
-        start += len(made.vertices)
-    return Soup(np.concatenate(vertices), np.concatenate(faces))
+        out = out.beside(made)
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -194,6 +194,7 @@ def _is_walled(compositor: Compositor, captured: Sequence[Camera]) -> bool:
     went = float(np.linalg.norm(eyes - amid, axis=1).max())
     x, z = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-1, 1, 9)]))
     above = amid + went * np.stack([x, np.ones_like(x), z], axis=1)
+    # what `proxy.ceiling` asks of planes of a mesh; there is none yet, and to a level look a wall of windows is open
     if not went > 0 or any(_share(above, camera) > _SHOWN_ABOVE for camera in captured):
         return False
     turns = np.radians(_AZIMUTHS)

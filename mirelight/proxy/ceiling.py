@@ -39,8 +39,8 @@ class Ceiling:
     def soup(self, planes: Sequence[Plane], low: F64, high: F64, cell: float, pictures: Pictures) -> Soup:
         """Its triangles between the walls and a little over them, and what no picture shows of the walls below it.
 
-        Fronts face the room. A window that pictures do not show to its end ends with them. `low`, `high`: (3,) corners
-        of the box that is closed.
+        Fronts face the room. A window that pictures do not show to its end ends with them: rows of `beyond` end below
+        it, and would leave open what is above. `low`, `high`: (3,) corners of the box that is closed.
         """
         out = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
         for normal, offset in ((-self.up, -self.height), *self.walls):

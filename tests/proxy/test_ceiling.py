@@ -95,6 +95,8 @@ def test_no_light_comes_from_above_and_the_window_stays_open() -> None:
     assert sight.blocked(np.array([0.0, 1.0, 0.0]), ways).all()
     through = np.array([[HALF, y, z] for y in (1.1, 1.3) for z in (-0.3, 0.0, 0.3)]) - (0, 1.2, 0)
     assert not sight.blocked(np.array([0.0, 1.2, 0.0]), through).any()
+    over = np.array([[HALF, y, z] for y in (1.85, 1.95) for z in (-0.3, 0.0, 0.3)]) - (0, 1.0, 0)
+    assert sight.blocked(np.array([0.0, 1.0, 0.0]), over).all()
 
 
 def test_nothing_was_seen_through_a_gap_where_splats_show_something() -> None:

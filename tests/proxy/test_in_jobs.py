@@ -168,6 +168,12 @@ def test_a_transform_or_the_files_colours_are_refused(job: Path) -> None:
         mirelight.load(job, ['proxy={path="splats",albedo="file"}'])
 
 
+def test_a_file_gets_no_ceiling(job: Path) -> None:
+    (job.parent / "room.glb").touch()
+    with pytest.raises(InputError, match=r"proxy\.ceiling: a ceiling of a proxy that is a file; leave it out"):
+        mirelight.load(job, ['proxy={path="room.glb",ceiling=false}'])
+
+
 def test_lights_without_a_proxy_say_the_line_to_add(job: Path) -> None:
     job.write_text(JOB.replace('proxy = "splats"\n', ""), encoding="utf-8")
     with pytest.raises(InputError, match='add the line proxy = "splats"'):

@@ -85,11 +85,12 @@ class Compositor:
             fine = self._one_sample.composite(finer(camera, count), depth=depth, diffuse=diffuse)
             return reduced(fine, camera, count)
         if diffuse:
-            layer, values = self.composite_with(camera, self.plain_colors, depth=depth)
-            return replace(layer, diffuse=decoded(values, layer.transmittance, self.settings))
+            return self.composite_with(camera, np.zeros((len(self.splats), 0), "f4"), depth=depth, diffuse=True)[0]
         return layer_of(self._blend(camera, None, depth=depth, drawing=drawing), camera, self.settings)
 
-    def composite_with(self, camera: Camera, values: F32, *, depth: bool = True) -> tuple[SplatLayer, F32]:
+    def composite_with(
+        self, camera: Camera, values: F32, *, depth: bool = True, diffuse: bool = False
+    ) -> tuple[SplatLayer, F32]:
         """The layer, and other values of the splats blended with the same weights.
 
         That is how modes work that light each splat: up to eight channels share one blend with the colour.
@@ -97,26 +98,33 @@ class Compositor:
         Args:
             values: (N, C) any numbers, one row a splat of the cloud.
             depth: as for :meth:`composite`.
+            diffuse: as there; it takes three of the channels.
 
         Returns:
             the layer and (H, W, C) sums of weight times value, premultiplied like the colour.
 
         Raises:
-            ValueError: `values` is not (N, C) with C >= 1, or not finite.
+            ValueError: `values` is not (N, C) with C >= 1 (0 with `diffuse`), or not finite.
         """
         count = self.settings.samples
         if count > 1:
-            layer, sums = self._one_sample.composite_with(finer(camera, count), values, depth=depth)
+            layer, sums = self._one_sample.composite_with(finer(camera, count), values, depth=depth, diffuse=diffuse)
             return reduced(layer, camera, count), mean(sums, count)
         values = frozen_array(values, (len(self.splats), None), np.float32, "values")
+        if diffuse:
+            values = np.concatenate([self.plain_colors, values], axis=1)
         if values.shape[1] == 0 or not np.isfinite(values).all():
             raise ValueError(f"values {values.shape}: at least one channel is needed, and finite numbers")
         frames = [
             self._blend(camera, values[:, i : i + VALUE_ROW], depth=depth and i == 0)
             for i in range(0, values.shape[1], VALUE_ROW)
         ]
-        images = [values_of(frame, camera) for frame in frames]
-        return layer_of(frames[0], camera, self.settings), np.concatenate(images, axis=2)
+        sums = np.concatenate([values_of(frame, camera) for frame in frames], axis=2)
+        layer = layer_of(frames[0], camera, self.settings)
+        if diffuse:
+            plain, sums = sums[..., :3], sums[..., 3:]
+            layer = replace(layer, diffuse=decoded(plain, layer.transmittance, self.settings))
+        return layer, sums
 
     def composite_colors(self, camera: Camera, colors: F32) -> F32:
         """(H, W, 3) the composite of other colours (N, 3) of the splats, in their space; see :meth:`composite_with`."""

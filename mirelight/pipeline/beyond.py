@@ -41,7 +41,7 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
     return np.asarray(np.maximum(away - np.sqrt(area / len(marks)), 0), dtype=np.float32)
 
 
-def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool) -> SplatLayer:
+def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool, diffuse: bool = False) -> SplatLayer:
     """The splats as a camera sees them, with those told apart that lie off the proxy (`beyond`).
 
     Args:
@@ -49,6 +49,7 @@ def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool)
         camera: that sees them.
         away: (N,) their distance to the proxy.
         depth: as for :meth:`mirelight.compositor.Compositor.composite`.
+        diffuse: as there.
 
     Raises:
         RenderError: as there.
@@ -59,7 +60,7 @@ def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool)
     t = np.clip((seen - _ON) / (_OFF - _ON), 0, 1)
     off = t * t * (3 - 2 * t)
     values = np.stack([off, off * np.maximum(ahead, 0)], axis=1).astype(np.float32)
-    layer, sums = compositor.composite_with(camera, values, depth=depth)
+    layer, sums = compositor.composite_with(camera, values, depth=depth, diffuse=diffuse)
     alpha = 1 - layer.transmittance
     share = np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1)
     beyond = np.stack([share, sums[..., 1] / np.maximum(sums[..., 0], 1e-9)], axis=-1)

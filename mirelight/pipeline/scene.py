@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -276,9 +275,7 @@ class Scene(Prepared):
         diffuse = requirements.wants_diffuse(self.job)
         if not requirements.wants_beyond(self.job):
             return compositor.composite(camera, depth=depth, diffuse=diffuse)
-        made = beyond.composite(compositor, camera, self._splat_distances, depth=depth)
-        matt = compositor.composite(camera, depth=False, diffuse=True).diffuse if diffuse else None
-        return replace(made, diffuse=matt)
+        return beyond.composite(compositor, camera, self._splat_distances, depth=depth, diffuse=diffuse)
 
     @cached_property
     def _splat_distances(self) -> F32:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from mirelight.io.environment import read_environment
 from mirelight.model import F32, F64, ParallelLight, SunLight
 from mirelight.pipeline.captured_sun import one_distant
 from mirelight.pipeline.codecs import ARRAY
-from mirelight.relighting import backdrop, far_map
+from mirelight.relighting import FarMaps, backdrop
 from mirelight.relighting.surroundings import Map, Sun, Surroundings
 from mirelight.store.artefacts import Artefacts
 from mirelight.store.layer_index import Around, Index, KeptView, UnitLight, Weighted
@@ -32,7 +32,7 @@ class FarLight:
 
     def __init__(self, folder: Path, index: Index, kept: Artefacts, remedy: str) -> None:
         self._folder, self._index, self._kept, self._remedy = folder, index, kept, remedy
-        self._far_maps: dict[int, F32] = {}  # by unit light
+        self._far_maps = FarMaps()
 
     def array(self, key: str) -> F32:
         """A map (h, w, 3), suns (n, 7) or a level (1,), as it was kept. Raises InputError."""
@@ -99,14 +99,9 @@ class FarLight:
         Raises:
             InputError: a map was not kept.
         """
-        out = far_map(None)
-        for place in map(int, np.flatnonzero(weights.any(axis=1))):
-            unit = self._far_maps.get(place)
-            if unit is None:
-                unit = far_map(self.of(Weighted("", (), (place,), ((1.0, 1.0, 1.0),))))
-                self._far_maps[place] = unit
-            out += weights[place] * unit
-        return out
+        lit = [int(x) for x in np.flatnonzero(weights.any(axis=1))]
+        alone = [Weighted("", (), (place,), ((1.0, 1.0, 1.0),)) for place in lit]
+        return self._far_maps.of((x, weights[x], partial(self.of, own)) for x, own in zip(lit, alone, strict=True))
 
     def behind(self, view: KeptView, lighting: Weighted, alpha: F32) -> F32 | None:
         """(H, W, 3) linear light behind a frame of that alpha (H, W), as its job shows it; None: a plain colour."""

@@ -10,12 +10,10 @@ import numpy as np
 from mirelight.io.environment import read_environment
 from mirelight.model import F32, Camera, Job, Lighting, SkyModel
 from mirelight.model.lights import SUN
-from mirelight.model.unit_lights import Unit, terms
+from mirelight.model.unit_lights import Unit
 from mirelight.pipeline import requirements
-from mirelight.relighting import Far, backdrop, far_map
+from mirelight.relighting import backdrop
 from mirelight.relighting.surroundings import Surroundings, surroundings_of
-
-_MOST_MAPS = 64  # far maps of unit lights that are kept, 0.4 MB each
 
 
 class Backdrops:
@@ -82,33 +80,3 @@ def around_unit(unit: Unit, resolved: Callable[[Lighting], Lighting], *, with_gr
     if environment is not None and with_ground:
         environment = replace(environment, radiance=backdrop.with_lit_ground(environment.pixels, np.zeros(3), albedo))
     return surroundings_of(Lighting(environment=environment))
-
-
-class FarMaps:
-    """Far maps of lightings (`mirelight.relighting.far`); those of unit lights are kept.
-
-    Args:
-        resolved: gives a lighting with a sun and a map in place of its sky model.
-    """
-
-    def __init__(self, resolved: Callable[[Lighting], Lighting]) -> None:
-        self._resolved = resolved
-        self._known: dict[str, F32] = {}
-
-    def of(self, new: Lighting, captured: Lighting) -> Far:
-        """Of the light of a frame and the light that it is compared with."""
-        return Far(self._mixed(new), self._mixed(captured))
-
-    def _mixed(self, lighting: Lighting) -> F32:
-        out = far_map(None)
-        for term in terms(lighting):
-            out += term.weight.astype(np.float32) * self._unit(term.unit)
-        return out
-
-    def _unit(self, unit: Unit) -> F32:
-        found = self._known.get(unit.digest)
-        if found is None:
-            if len(self._known) >= _MOST_MAPS:
-                self._known.clear()
-            found = self._known[unit.digest] = far_map(around_unit(unit, self._resolved, with_ground=False))
-        return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from mirelight import relighting
@@ -19,9 +19,10 @@ from mirelight.model import (
     SplatLayer,
 )
 from mirelight.model.planes import OBJECT_MATTE
+from mirelight.model.unit_lights import terms
 from mirelight.pipeline import beyond, reads, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache, made_once
-from mirelight.pipeline.backdrops import Backdrops, FarMaps
+from mirelight.pipeline.backdrops import Backdrops, around_unit
 from mirelight.pipeline.codecs import ARRAY, array_of, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
@@ -292,11 +293,17 @@ class Scene(Prepared):
         """What a lighting and the captured light have far away, for splats there; None where frames do not ask."""
         captured = requirements.compared_in(self.job, lighting)
         asks = self.job.relight_of(lighting).follows_sky
-        return self._far_maps.of(lighting, captured) if asks and captured is not None else None
+        if not asks or captured is None:
+            return None
+        return relighting.Far(*map(self._far_map, (lighting, captured)))
+
+    def _far_map(self, lighting: Lighting) -> F32:
+        around = partial(around_unit, resolved=self.resolved, with_ground=False)
+        return self._far_maps.of((x.unit.digest, x.weight, partial(around, x.unit)) for x in terms(lighting))
 
     @cached_property
-    def _far_maps(self) -> FarMaps:
-        return FarMaps(self.resolved)
+    def _far_maps(self) -> relighting.FarMaps:
+        return relighting.FarMaps()
 
     @cached_property
     def _matte_rays(self) -> Mattes:

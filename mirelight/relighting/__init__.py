@@ -9,7 +9,7 @@ docs/explanation/relighting.md.
 from __future__ import annotations
 
 from mirelight.relighting.backdrop import without_leaks
-from mirelight.relighting.far import Far, far_map
+from mirelight.relighting.far import Far, FarMaps
 from mirelight.relighting.frame import Relighter, apply, lighting_camera, relighter, unlit_rgba
 from mirelight.relighting.inserted import shadow, shadow_of, with_objects
 from mirelight.relighting.lobes import with_lobes
@@ -22,6 +22,7 @@ from mirelight.relighting.splats import captured_color, frame_of_splats, relit_c
 __all__ = [
     "MODES",
     "Far",
+    "FarMaps",
     "Lit",
     "Mode",
     "Relighter",
@@ -30,7 +31,6 @@ __all__ = [
     "adds_lobes",
     "apply",
     "captured_color",
-    "far_map",
     "frame_of_splats",
     "gloss_of",
     "lighting_camera",

@@ -7,19 +7,21 @@ maps only what is smooth is wanted, as the clouds that are seen are those of the
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from mirelight.base import colour
 from mirelight.base.conventions import unit
-from mirelight.model import F32, Camera
+from mirelight.model import F32, F64, Camera
 from mirelight.relighting.backdrop import blurred, with_lit_ground
 from mirelight.relighting.mode import Seen
 from mirelight.relighting.surroundings import Lookup, Surroundings, solid_angles
 
 ROWS = 128  # of a far map, which is twice as wide
 _BLUR = np.radians(2.5)  # standard deviation; coarser than a map's pixels, finer than an evening's glow
+_MOST_MAPS = 256  # of single lights that are kept, 0.4 MB each
 _SUN_SHARE = 0.005  # of the sky, the brightest part of a map that counts no more than the rest: a panorama's own sun
 
 
@@ -44,6 +46,25 @@ def far_map(around: Surroundings | None) -> F32:
         return whole
     whole[: ROWS // 2] = _without_suns(whole[: ROWS // 2])
     return blurred(whole, float(_BLUR))
+
+
+class FarMaps:
+    """Far maps of many lights together; those of single ones are kept."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, F32] = {}
+
+    def of(self, lights: Iterable[tuple[Hashable, F32 | F64, Callable[[], Surroundings | None]]]) -> F32:
+        """The far map of lights: of each what it is known by, its factor (3,), and what gives its surroundings."""
+        out = far_map(None)
+        for key, factor, around in lights:
+            found = self._known.get(key)
+            if found is None:
+                if len(self._known) >= _MOST_MAPS:
+                    self._known.clear()
+                found = self._known[key] = far_map(around())
+            out += factor.astype(np.float32) * found
+        return out
 
 
 def _without_suns(sky: F32) -> F32:

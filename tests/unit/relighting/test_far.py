@@ -11,6 +11,7 @@ import pytest
 from mirelight import relighting
 from mirelight.base.conventions import map_pixels, unit
 from mirelight.model import F32, Camera, LightingBuffer, LightLayer, RelightMode, RelightSettings, SplatLayer
+from mirelight.relighting.far import far_map
 from mirelight.relighting.surroundings import Map, Sun, Surroundings
 
 H, W = 24, 36
@@ -58,7 +59,7 @@ def factor(
         settings,
         captured=captured,
         captured_level=LEVEL,
-        far=relighting.Far(relighting.far_map(new), relighting.far_map(old)),
+        far=relighting.Far(far_map(new), far_map(old)),
         noise=False,
     )
     assert frame.factor is not None

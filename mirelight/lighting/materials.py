@@ -152,6 +152,17 @@ def _wrapped(a: F32, wrap: str) -> F32:
     return np.asarray(a - np.floor(a), np.float32)
 
 
+def is_flat(proxy: ProxyMesh, first: int) -> bool:
+    """Whether the faces before `first` have no shading normals but 0."""
+    return proxy.normals is None or not proxy.normals[proxy.faces[:first]].any()
+
+
+def is_plain(proxy: ProxyMesh, first: int) -> bool:
+    """Whether the faces before `first` are of the first material, and that has no texture of its base colour."""
+    owners = proxy.face_materials
+    return proxy.materials[0].base_color_texture is None and (owners is None or not owners[:first].any())
+
+
 def pack_materials(proxy: ProxyMesh) -> Atlas:
     """The materials of a proxy; a material without a texture points at one white texel."""
     rows = np.zeros((len(proxy.materials) + 1, ROW), np.float32)

@@ -18,9 +18,17 @@ class DeviceDetail:
         self._steps, self._first = integers(detail.steps), integers(detail.first)
         self._colors = in_fours(detail.colors)
 
+    @dr.syntax
     def of(self, face: UInt32, uv: Point2f, otherwise: Vector3f, active: Bool) -> Vector3f:
         """The colour at a point of a face; `otherwise` where the face has no lattice."""
         there = active & (face < self._count)
+        found = mi.Vector3f(otherwise)
+        if there:
+            found = self._between(face, uv, otherwise, there)
+        return found
+
+    def _between(self, face: UInt32, uv: Point2f, otherwise: Vector3f, there: Bool) -> Vector3f:
+        """As `of`, of faces that may have one."""
         steps = dr.gather(mi.UInt32, self._steps, face, there)
         there &= steps > 0
         first = dr.gather(mi.UInt32, self._first, face, there)

@@ -18,7 +18,7 @@ from mirelight.lighting.kernel.lights import LightSet
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
 from mirelight.lighting.kernel.samples import mix, number
-from mirelight.lighting.kernel.scatter import reflected
+from mirelight.lighting.kernel.scatter import Gloss
 from mirelight.lighting.kernel.see_through import tinted
 from mirelight.lighting.kernel.types import Bool, Float, UInt32, Vector3f
 from mirelight.lighting.kernel.vertex import Arrival, Vertex
@@ -151,9 +151,19 @@ def _reflected(lights: LightSet, vertex: Vertex, light: UInt32, wi: Vector3f, ir
     """Irradiance times what of the BRDF the vertex' weight has not; on an object weighted against its being met."""
     if vertex.gloss is None:
         return irradiance
-    _, _, drawn = punctual.met(lights.table, light, vertex.at.p, wi)
-    share = dr.select(vertex.gloss.on & (drawn > 0), drawn / (drawn + vertex.gloss.pdf(wi)), 1)
-    return reflected(vertex.gloss, irradiance * share, wi)
+    return _weighed_off(lights, vertex, vertex.gloss, light, wi, irradiance)
+
+
+@dr.syntax
+def _weighed_off(
+    lights: LightSet, vertex: Vertex, gloss: Gloss, light: UInt32, wi: Vector3f, irradiance: Vector3f
+) -> Vector3f:
+    """As `_reflected`."""
+    value, pdf = gloss.towards(wi)
+    if gloss.on:
+        _, _, drawn = punctual.met(lights.table, light, vertex.at.p, wi)
+        irradiance = irradiance * dr.select(drawn > 0, drawn / (drawn + pdf), 1)
+    return irradiance * value
 
 
 @dr.syntax

@@ -23,7 +23,7 @@ from mirelight.lighting.kernel.probes import PointRays
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import CameraRays, SomePixels, bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix, number, pair, stratified
-from mirelight.lighting.kernel.scatter import SCATTERED_ALPHA, Gloss, density, reflected
+from mirelight.lighting.kernel.scatter import SCATTERED_ALPHA, Gloss, reflected, towards
 from mirelight.lighting.kernel.see_through import tinted
 from mirelight.lighting.kernel.sky import Sky, sky_irradiance
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f
@@ -120,7 +120,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         sums = steps.add_first_cell(sums, vertex, cell, read)
 
         depth += 1
-        way, passed = steps.drawn(vertex)
+        way, passed, way_pdf = steps.drawn(vertex)
         throughput *= passed
         go_on = active & ~read & steps.may_meet_light(vertex, depth) & (dr.max(throughput) > 0)
         survival = dr.select(depth > ROULETTE_FROM, dr.minimum(dr.max(throughput), 0.95), 1)
@@ -129,7 +129,7 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
         throughput = throughput / survival
         if dr.hint(film.aovs, mode="scalar"):
             go_on |= active & (depth == 1)
-        came, hit, tint = steps.reflect(vertex, way, go_on)
+        came, hit, tint = steps.reflect(vertex, way, way_pdf, go_on)
         throughput = tinted(throughput, tint)
         if dr.hint(film.aovs, mode="scalar"):
             near = hit & (came.distance < job.ao_distance)
@@ -209,15 +209,15 @@ class _Steps:
         made = Gloss.of(first, -d, albedo, least)
         return None if made is None else made.alone(at.finish.on)
 
-    def drawn(self, vertex: Vertex) -> tuple[Vector3f, Vector3f]:
-        """(the way on from a vertex, drawn by its BRDF; what a path that takes it is multiplied by)."""
+    def drawn(self, vertex: Vertex) -> tuple[Vector3f, Vector3f, Float]:
+        """(the way on from a vertex, drawn by its BRDF; what a path that takes it is multiplied by; its density)."""
         u = pair(vertex.sample, mix(vertex.salt, 3))
         if vertex.gloss is None:
             d = mi.Frame3f(vertex.at.normal).to_world(mi.warp.square_to_cosine_hemisphere(u))
-            return d, vertex.albedo
-        d = vertex.gloss.sample(number(vertex.sample, mix(vertex.salt, 8)), u)
+            return d, vertex.albedo, dr.maximum(dr.dot(d, vertex.at.normal), 0) * dr.inv_pi
+        d, weight, pdf = vertex.gloss.drawn(number(vertex.sample, mix(vertex.salt, 8)), u)
         leaves = ~vertex.gloss.on | (dr.dot(d, vertex.at.geometric_normal) > 0)
-        return d, dr.select(leaves, vertex.gloss.weight(d), 0)
+        return d, dr.select(leaves, weight, 0), pdf
 
     def scatters(self, vertex: Vertex, scattered: Bool) -> Bool:
         """Whether a path has been at anything rougher than a mirror."""
@@ -230,12 +230,11 @@ class _Steps:
         bright = (depth < self.job.max_depth) | self.sky.present | self.job.emission
         return bright if vertex.gloss is None else bright | vertex.gloss.on  # which may show a lamp
 
-    def reflect(self, vertex: Vertex, d: Vector3f, go_on: Bool) -> tuple[Arrival, Bool, Vector3f | None]:
-        """(the ray that a vertex reflects that way, and where it goes; whether it hits the surface; the tint of what it
-        goes through)."""
+    def reflect(self, vertex: Vertex, d: Vector3f, pdf: Float, go_on: Bool) -> tuple[Arrival, Bool, Vector3f | None]:
+        """(the ray that a vertex reflects that way with such a density, and where it goes; whether it hits the surface;
+        the tint of what it goes through)."""
         at = vertex.at
         found, passed = self.surface.seen(mi.Ray3f(at.start, d), go_on)
-        pdf = density(vertex.gloss, dr.maximum(dr.dot(d, at.normal), 0), d)
         came = Arrival(mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), d, mi.Float(found.t), pdf)
         return came, go_on & found.is_valid(), None if passed is None else passed.tint
 
@@ -369,5 +368,6 @@ def _glow_irradiance(
     cosine = dr.dot(d, at.normal)
     lit = active & (cosine > 0) & (drawn > 0)
     reached, tint = surface.reached(bounded_ray(at.start, d, length * SHADOW_END), lit)
-    light = tinted(glow * (cosine / (drawn + density(vertex.gloss, cosine, d))), tint)
-    return reflected(vertex.gloss, light, d), lit & reached
+    value, reflecting = towards(vertex.gloss, cosine, d)
+    light = tinted(glow * (cosine / (drawn + reflecting)), tint)
+    return reflected(light, value), lit & reached

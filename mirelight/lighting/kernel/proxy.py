@@ -39,6 +39,8 @@ from mirelight.lighting.materials import (
     has_cutouts,
     has_glass,
     is_emissive,
+    is_flat,
+    is_plain,
     pack_glow,
 )
 from mirelight.model import F32, ProxyMesh
@@ -104,6 +106,10 @@ class DeviceProxy:
             self.glow_slots, self.glow_density = integers(glow.slots), floats(glow.density)
             self.glow_count = dr.opaque(mi.UInt32, len(glow.slots))
         self.colored = from_file and self.atlas is not None
+        # where the proxy needs less than its objects, packets of rays that meet none of these are spared the rest
+        below = first_inserted or 0
+        self.flat_below = self.has_objects and is_flat(proxy, below)
+        self.plain_below = self.has_objects and is_plain(proxy, below)
         self.coated, self.glassy = (self.has_objects and there(proxy) for there in (has_coats, has_glass))
         self.cut_out = self.has_objects and (has_cutouts(proxy) or self.glassy)
 
@@ -149,7 +155,7 @@ class DeviceProxy:
         ng = dr.normalize(dr.cross(e1 / longest, e2 / longest))  # scaled: a tiny face's product would underflow
         side = dr.select(dr.dot(ng, d) > 0, mi.Float(-1), mi.Float(1))
         ng = ng * side
-        n, lifted = (ng, p) if self.normals is None else self._smooth(i, v, b, p, ng, side, active)
+        n, lifted = (ng, p) if self.normals is None else self._shading(face, i, v, b, p, ng, side, active)
         start = lifted + ng * (OFFSET * (dr.max(abs(p)) + longest))
         albedo, emission = self._material(face, i, b, active)
         finish = self._finish(face, i, b, active) if self.has_objects or self.lobes else None
@@ -219,6 +225,29 @@ class DeviceProxy:
         pdf = self.glow_pdf(face, distance, abs(dr.dot(dr.normalize(dr.cross(e1, e2)), way)), active)
         return way, distance, pdf, self._emission(face, i, (1 - b.x - b.y, b.x, b.y), active)
 
+    @dr.syntax
+    def _shading(
+        self,
+        face: UInt32,
+        i: Corners,
+        v: list[Vector3f],
+        b: Weights,
+        p: Vector3f,
+        ng: Vector3f,
+        side: Float,
+        active: Bool,
+    ) -> tuple[Vector3f, Vector3f]:
+        """As `_smooth`, where there is anything smooth."""
+        n, lifted = mi.Vector3f(ng), mi.Vector3f(p)
+        bent = active
+        if dr.hint(self.flat_below, mode="scalar"):
+            bent = active & self.is_inserted(face)
+            if bent:
+                n, lifted = self._smooth(i, v, b, p, ng, side, bent)
+        else:
+            n, lifted = self._smooth(i, v, b, p, ng, side, bent)
+        return n, lifted
+
     def _smooth(
         self, i: Corners, v: list[Vector3f], b: Weights, p: Vector3f, ng: Vector3f, side: Float, active: Bool
     ) -> tuple[Vector3f, Vector3f]:
@@ -242,28 +271,35 @@ class DeviceProxy:
         if self.emissive:
             emission = self._emission(face, i, b, active)
         if self.colored:
-            albedo = self._atlas.value(BASE_COLOR, face, i, b, active)
+            albedo = self._base_color(face, i, b, active)
         if self.colors is not None:
             c = [rgb(self.colors, k, active) for k in i]
             albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
         return dr.clip(albedo, 0, 1), emission
+
+    @dr.syntax
+    def _base_color(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Vector3f:
+        """Of a face's material."""
+        albedo = mi.Vector3f(self.albedo)
+        if dr.hint(self.plain_below, mode="scalar"):
+            inserted = active & self.is_inserted(face)
+            if inserted:
+                albedo = self._atlas.value(BASE_COLOR, face, i, b, inserted)
+        else:
+            albedo = self._atlas.value(BASE_COLOR, face, i, b, active)
+        return albedo
 
     def _emission(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Vector3f:
         """Radiance of a glowing point."""
         return self._atlas.value(EMISSION, face, i, b, active)
 
     def _finish(self, face: UInt32, i: Corners, b: Weights, active: Bool) -> Finish:
-        atlas = self._atlas
-        value, row = atlas.value(FINISH, face, i, b, active), atlas.row(face, active)
-        specular, weight = atlas.value(SPECULAR, face, i, b, active), atlas.weight(row, active)
-        if SPECULAR in atlas.textured:
-            share = atlas.texel(row, SPECULAR, i, b, active).w
-            specular, weight = specular * share, weight * share
-        layers = atlas.value(LAYERS, face, i, b, active) if self.coated or self.glassy else mi.Vector3f(0)
-        metallic, roughness = dr.clip(value.z, 0, 1), dr.clip(value.y, 0, 1)
-        on = self.is_inserted(face)
         if self.lobes:
+            metallic, roughness, specular, weight, layers = self._reflectances(face, i, b, active)
             on = (metallic > 0) | (roughness < 1)
+        else:
+            on = self.is_inserted(face)
+            metallic, roughness, specular, weight, layers = self._of_objects(face, i, b, active & on)
         return Finish(
             on=on,
             metallic=metallic,
@@ -274,6 +310,30 @@ class DeviceProxy:
             coat_alpha=dr.maximum(dr.square(layers.y), 1e-3),
             transmission=dr.select(on, layers.z, 0) if self.glassy else None,
         )
+
+    @dr.syntax
+    def _of_objects(
+        self, face: UInt32, i: Corners, b: Weights, there: Bool
+    ) -> tuple[Float, Float, Vector3f, Float, Vector3f]:
+        """As `_reflectances`; packets of lanes with nothing there are spared them, and are matt."""
+        metallic, roughness, weight = mi.Float(0), mi.Float(1), mi.Float(0)
+        specular, layers = mi.Vector3f(0), mi.Vector3f(0)
+        if there:
+            metallic, roughness, specular, weight, layers = self._reflectances(face, i, b, there)
+        return metallic, roughness, specular, weight, layers
+
+    def _reflectances(
+        self, face: UInt32, i: Corners, b: Weights, active: Bool
+    ) -> tuple[Float, Float, Vector3f, Float, Vector3f]:
+        """(metallic, roughness, specular reflectance, the same at grazing angles, layers over that)."""
+        atlas = self._atlas
+        value, row = atlas.value(FINISH, face, i, b, active), atlas.row(face, active)
+        specular, weight = atlas.value(SPECULAR, face, i, b, active), atlas.weight(row, active)
+        if SPECULAR in atlas.textured:
+            share = atlas.texel(row, SPECULAR, i, b, active).w
+            specular, weight = specular * share, weight * share
+        layers = atlas.value(LAYERS, face, i, b, active) if self.coated or self.glassy else mi.Vector3f(0)
+        return dr.clip(value.z, 0, 1), dr.clip(value.y, 0, 1), specular, weight, layers
 
     def _mapped(
         self,

@@ -82,18 +82,30 @@ class Gloss(NamedTuple):
         f0, diffuse = dr.select(self.on & ~there, 0, self.f0), dr.select(self.on, 0, self.diffuse)
         return self._replace(f0=f0, diffuse=diffuse, share=dr.select(self.on, 1, 0))
 
-    def value(self, wi: Vector3f) -> Vector3f:
-        """The BRDF of light from `wi`, 1/sr; 0 below the horizon of an object."""
+    @dr.syntax
+    def towards(self, wi: Vector3f) -> tuple[Vector3f, Float]:
+        """(the BRDF of light from `wi`, 1/sr, 0 below the horizon of an object; density per solid angle of `drawn`).
+
+        Packets of lanes where nothing is on are spared the lobe.
+        """
+        cosine = dr.dot(wi, self.n)
+        value, pdf = self.diffuse * dr.inv_pi, dr.select(cosine > 0, cosine * dr.inv_pi, 0)
+        if self.on:
+            value, pdf = self._value(wi), self._pdf(wi)
+        return value, pdf
+
+    def _value(self, wi: Vector3f) -> Vector3f:
+        """The BRDF where the law is on."""
         nl, nv, nh2, vh = self._cosines(wi, self.n)
         fresnel = schlick(self.f0, self.f90, vh)
         lobe = _normals(self.alpha, nh2) * _unmasked(self.alpha, nl) * _unmasked(self.alpha, nv) / (4 * nl * nv)
         shiny = (1 - fresnel) * self.diffuse * dr.inv_pi + fresnel * lobe
         if self.coat is not None:
             shiny = dr.lerp(shiny, mi.Vector3f(self._coat_lobe(self.coat, wi) / nl), self.coat.weight)
-        return dr.select(self.on, dr.select(dr.dot(wi, self.n) > 0, shiny, 0), self.diffuse * dr.inv_pi)
+        return dr.select(dr.dot(wi, self.n) > 0, shiny, 0)
 
-    def pdf(self, wi: Vector3f) -> Float:
-        """Density per solid angle of `sample`."""
+    def _pdf(self, wi: Vector3f) -> Float:
+        """The density where the law is on."""
         cosine = dr.maximum(dr.dot(wi, self.n), 0)
         _, nv, nh2, _ = self._cosines(wi, self.n)
         lobe = _normals(self.alpha, nh2) * _unmasked(self.alpha, nv) / (4 * nv)
@@ -110,8 +122,18 @@ class Gloss(NamedTuple):
         lobe = _normals(coat.alpha, nh2) * _unmasked(coat.alpha, nl) * _unmasked(coat.alpha, nv) / (4 * nv)
         return dr.select(dr.dot(wi, coat.n) > 0, lobe, 0)
 
-    def sample(self, choice: Float, u: Point2f) -> Vector3f:
-        """A direction, by the lobe or by the cosine; it may lie below the horizon, where `pdf` is 0."""
+    @dr.syntax
+    def drawn(self, choice: Float, u: Point2f) -> tuple[Vector3f, Vector3f, Float]:
+        """(a direction, by the lobe or by the cosine; BRDF times cosine over density there; the density, 0 below the
+        horizon)."""
+        wi = mi.Frame3f(self.n).to_world(mi.warp.square_to_cosine_hemisphere(u))
+        if self.on:
+            wi = self._sample(choice, u, wi)
+        value, pdf = self.towards(wi)
+        return wi, dr.select(pdf > 0, value * dr.maximum(dr.dot(wi, self.n), 0) / pdf, 0), pdf
+
+    def _sample(self, choice: Float, u: Point2f, diffuse: Vector3f) -> Vector3f:
+        """A direction where the law is on; `diffuse`: that by the cosine."""
         n, alpha, share = self.n, self.alpha, self.share
         if self.coat is not None:  # one number chooses twice
             coated, rest = choice < self.coat.share, (choice - self.coat.share) / (1 - self.coat.share)
@@ -119,7 +141,8 @@ class Gloss(NamedTuple):
             n, alpha = dr.select(coated, self.coat.n, n), dr.select(coated, self.coat.alpha, alpha)
             share = dr.select(coated, 1, share)
         frame = mi.Frame3f(n)
-        diffuse = frame.to_world(mi.warp.square_to_cosine_hemisphere(u))
+        if self.coat is not None:
+            diffuse = frame.to_world(mi.warp.square_to_cosine_hemisphere(u))
         v = frame.to_local(self.wo)
         v = dr.normalize(mi.Vector3f(v.x * alpha, v.y * alpha, dr.maximum(v.z, 1e-4)))
         sin_phi, cos_phi = dr.sincos(dr.two_pi * u.y)
@@ -129,11 +152,6 @@ class Gloss(NamedTuple):
         h = frame.to_world(dr.normalize(mi.Vector3f(h.x * alpha, h.y * alpha, h.z)))
         mirrored = h * (2 * dr.dot(self.wo, h)) - self.wo
         return dr.select(choice < share, mirrored, diffuse)
-
-    def weight(self, wi: Vector3f) -> Vector3f:
-        """What a path that goes on along a drawn direction is multiplied by: BRDF times cosine over density."""
-        pdf = self.pdf(wi)
-        return dr.select(pdf > 0, self.value(wi) * dr.maximum(dr.dot(wi, self.n), 0) / pdf, 0)
 
     def _cosines(self, wi: Vector3f, n: Vector3f) -> tuple[Float, Float, Float, Float]:
         """n·l, n·v, sin² of the angle between n and h, v·h."""
@@ -162,11 +180,12 @@ def _unmasked(alpha: Float, cosine: Float) -> Float:
     return 2 * cosine / (cosine + dr.sqrt(a2 + (1 - a2) * dr.square(cosine)))
 
 
-def reflected(gloss: Gloss | None, irradiance: Vector3f, wi: Vector3f) -> Vector3f:
-    """Irradiance from one direction times what of the BRDF a vertex' `weight` has not: where objects are, all of it."""
-    return irradiance if gloss is None else irradiance * gloss.value(wi)
+def towards(gloss: Gloss | None, cosine: Float, wi: Vector3f) -> tuple[Vector3f | None, Float]:
+    """(what of the BRDF a vertex' `weight` has not: where objects are, all of it, else None; density per solid angle
+    with which a path goes on that way, whose cosine is above 0)."""
+    return (None, cosine * dr.inv_pi) if gloss is None else gloss.towards(wi)
 
 
-def density(gloss: Gloss | None, cosine: Float, wi: Vector3f) -> Float:
-    """Per solid angle, with which a path goes on that way; the cosine is above 0."""
-    return cosine * dr.inv_pi if gloss is None else gloss.pdf(wi)
+def reflected(irradiance: Vector3f, value: Vector3f | None) -> Vector3f:
+    """Irradiance from one direction times what `towards` says."""
+    return irradiance if value is None else irradiance * value

@@ -12,7 +12,7 @@ from mirelight.lighting.environment import distribution, pixels_per_cell
 from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.proxy import DeviceProxy, Point
 from mirelight.lighting.kernel.rays import bounded_ray
-from mirelight.lighting.kernel.scatter import Gloss, density, reflected
+from mirelight.lighting.kernel.scatter import Gloss, reflected, towards
 from mirelight.lighting.kernel.see_through import tinted
 from mirelight.lighting.kernel.types import Bool, Float, Point2f, UInt32, Vector3f, Vector4f
 from mirelight.model import F32, Environment
@@ -152,5 +152,6 @@ def sky_irradiance(
     cosine = dr.dot(d, at.normal)
     lit = active & (cosine > 0) & (drawn > 0)
     reached, tint = surface.reached(bounded_ray(at.start, d, mi.Float(dr.inf)), lit)
-    light = tinted(sky.radiance(d, lit) * (cosine / (drawn + density(gloss, cosine, d))), tint)
-    return dr.select(lit & reached, reflected(gloss, light, d), 0)
+    value, reflecting = towards(gloss, cosine, d)
+    light = tinted(sky.radiance(d, lit) * (cosine / (drawn + reflecting)), tint)
+    return dr.select(lit & reached, reflected(light, value), 0)

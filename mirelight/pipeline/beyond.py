@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight.model import F32, Camera, ProxyMesh, SplatLayer, triangles
+from mirelight.model import F32, F64, Camera, ProxyMesh, SplatLayer, triangles
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -41,6 +41,12 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
     return np.asarray(np.maximum(away - np.sqrt(area / len(marks)), 0), dtype=np.float32)
 
 
+def off_proxy(seen: F64) -> F64:
+    """(N,) 0..1 whether splats are off the proxy, by their distance to it as shares of a picture's longer side."""
+    t = np.clip((seen - _ON) / (_OFF - _ON), 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))
+
+
 def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool, diffuse: bool = False) -> SplatLayer:
     """The splats as a camera sees them, with those told apart that lie off the proxy (`beyond`).
 
@@ -56,9 +62,7 @@ def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool,
     """
     ahead = (camera.position - compositor.splats.means.astype(np.float64)) @ camera.world_from_camera[:3, 2]
     unit = 1.0 if camera.projection == "orthographic" else np.maximum(ahead, 1e-9)
-    seen = away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height)
-    t = np.clip((seen - _ON) / (_OFF - _ON), 0, 1)
-    off = t * t * (3 - 2 * t)
+    off = off_proxy(away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height))
     values = np.stack([off, off * np.maximum(ahead, 0)], axis=1).astype(np.float32)
     layer, sums = compositor.composite_with(camera, values, depth=depth, diffuse=diffuse)
     alpha = 1 - layer.transmittance

@@ -93,7 +93,6 @@ def _check_background(job: Job) -> None:
             "a mode that does not compare with the captured light",
             f'{number}, or name captured and set relight.mode to "ratio"',
         ),
-        (any(_asks_splats(x) for x in asking), "light that is found for splats", f'{number}, or set per to "pixel"'),
         (
             captured is not None and captured.environment is None and captured.sky is None,
             "captured light without an environment",

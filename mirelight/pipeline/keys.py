@@ -242,6 +242,8 @@ class Keys(SceneKeys):
 
     def _on_splats(self, lighting: Lighting) -> Iterator[str]:
         """What a frame reads of the light on splats."""
+        if self.job.relight_of(lighting).follows_sky:
+            yield self.splat_sky
         for one in (lighting, requirements.compared_in(self.job, lighting)):
             if one is not None:
                 mixture = self.splat_sets.mixture(one)

@@ -7,9 +7,9 @@ place for them.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from mirelight.base.progress import CountProgress
 from mirelight.model import (
     F32,
+    F64,
     Camera,
     EstimatedSky,
     Job,
@@ -28,12 +29,14 @@ from mirelight.model import (
     SurfaceCache,
     camera_checks,
 )
-from mirelight.model.unit_lights import LightSet, Mixture
-from mirelight.pipeline import frame_diagnostics, keys, requirements
-from mirelight.pipeline.artefact_cache import ArtefactCache
+from mirelight.model.unit_lights import LightSet, Mixture, Unit
+from mirelight.pipeline import beyond, frame_diagnostics, keys, requirements
+from mirelight.pipeline.artefact_cache import ArtefactCache, made_once
+from mirelight.pipeline.backdrops import around_unit
 from mirelight.pipeline.cache import UserCache
-from mirelight.pipeline.codecs import ARRAY, MESH, Codec
+from mirelight.pipeline.codecs import ARRAY, MESH, Codec, array_of
 from mirelight.pipeline.surface_light import SurfaceLight
+from mirelight.relighting import FarMaps
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -278,6 +281,27 @@ class Prepared:
         render = self.job.render
         assert self.splats is not None
         return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
+
+    @cached_property
+    def splat_distances(self) -> F32:
+        """(N,) how far each splat lies from the proxy, world units."""
+        splats, mesh = self.splats, self.mesh
+        assert splats is not None and mesh is not None
+        key, threads = self.keys.splat_distances, self.job.render.threads
+
+        def make() -> F32:
+            return beyond.distances(splats.means, mesh, threads)
+
+        return made_once(self.kept, f"distances {key[:24]}", key, array_of((len(splats),)), make)
+
+    def far_map(self, units: Iterable[tuple[Unit, F64]]) -> F32:
+        """(128, 256, 3) what unit lights times factors (3,) have far away."""
+        around = partial(around_unit, resolved=self.resolved, with_ground=False)
+        return self._far_maps.of((unit.digest, factor, partial(around, unit)) for unit, factor in units)
+
+    @cached_property
+    def _far_maps(self) -> FarMaps:
+        return FarMaps()
 
     @cached_property
     def tracer(self) -> Tracer | EngineTracer:

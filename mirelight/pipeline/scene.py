@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from mirelight import relighting
@@ -21,9 +21,9 @@ from mirelight.model import (
 from mirelight.model.planes import OBJECT_MATTE
 from mirelight.model.unit_lights import terms
 from mirelight.pipeline import beyond, reads, requirements
-from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache, made_once
-from mirelight.pipeline.backdrops import Backdrops, around_unit
-from mirelight.pipeline.codecs import ARRAY, array_of, composite_of, matte_of
+from mirelight.pipeline.artefact_cache import ArtefactCache, MemoryCache, NullCache
+from mirelight.pipeline.backdrops import Backdrops
+from mirelight.pipeline.codecs import ARRAY, composite_of, matte_of
 from mirelight.pipeline.completeness import check
 from mirelight.pipeline.inserted import SceneOfLobes, SceneWithObjects
 from mirelight.pipeline.painted import paint_of
@@ -276,18 +276,7 @@ class Scene(Prepared):
         diffuse = requirements.wants_diffuse(self.job)
         if not requirements.wants_beyond(self.job):
             return compositor.composite(camera, depth=depth, diffuse=diffuse)
-        return beyond.composite(compositor, camera, self._splat_distances, depth=depth, diffuse=diffuse)
-
-    @cached_property
-    def _splat_distances(self) -> F32:
-        splats, mesh = self.splats, self.mesh
-        assert splats is not None and mesh is not None
-        key, threads = self.keys.splat_distances, self.job.render.threads
-
-        def make() -> F32:
-            return beyond.distances(splats.means, mesh, threads)
-
-        return made_once(self.kept, f"distances {key[:24]}", key, array_of((len(splats),)), make)
+        return beyond.composite(compositor, camera, self.splat_distances, depth=depth, diffuse=diffuse)
 
     def far(self, lighting: Lighting) -> relighting.Far | None:
         """What a lighting and the captured light have far away, for splats there; None where frames do not ask."""
@@ -295,15 +284,7 @@ class Scene(Prepared):
         asks = self.job.relight_of(lighting).follows_sky
         if not asks or captured is None:
             return None
-        return relighting.Far(*map(self._far_map, (lighting, captured)))
-
-    def _far_map(self, lighting: Lighting) -> F32:
-        around = partial(around_unit, resolved=self.resolved, with_ground=False)
-        return self._far_maps.of((x.unit.digest, x.weight, partial(around, x.unit)) for x in terms(lighting))
-
-    @cached_property
-    def _far_maps(self) -> relighting.FarMaps:
-        return relighting.FarMaps()
+        return relighting.Far(*(self.far_map((x.unit, x.weight) for x in terms(one)) for one in (lighting, captured)))
 
     @cached_property
     def _matte_rays(self) -> Mattes:

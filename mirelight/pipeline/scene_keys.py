@@ -99,6 +99,11 @@ class SceneKeys:
         return digest("distances", job.splats.digest, job.proxy.digest, self._versions("numpy", "scipy"))
 
     @cached_property
+    def splat_sky(self) -> str:
+        """Which splats are of the sky, and in which direction from where the capture was taken."""
+        return digest("sky of splats", self.splat_distances, self.job.capture_cameras)
+
+    @cached_property
     def surface_cells(self) -> str:
         """The pieces of the proxy that light is kept on, whatever looks at it."""
         return digest("cells", self.proxy, self._device)

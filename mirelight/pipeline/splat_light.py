@@ -25,6 +25,7 @@ from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import requirements
 from mirelight.pipeline.artefact_cache import made_once
 from mirelight.pipeline.codecs import array_of
+from mirelight.pipeline.far_splats import FarSplats
 from mirelight.pipeline.prepared import Prepared
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class SplatLight:
         """The same places and tracer under another job's lights; `keys.proxy` and `keys.splat_places` agree."""
         out = copy(self)
         out._scene = scene
+        vars(out).pop("_sky", None)  # whether it follows is a setting of the job
         return out
 
     @property
@@ -80,11 +82,12 @@ class SplatLight:
         scene, job = self._scene, self._scene.job
         assert scene.splats is not None
         settings = job.relight_of(lighting)
+        lit = self if settings.follows_sky else self._without_sky
         old = None
         captured = requirements.compared_in(job, lighting)
         if captured is not None:
-            old = self.of(captured)
-        new = self.of(lighting)
+            old = lit.of(captured)
+        new = lit.of(lighting)
         return relighting.splat_relighter(
             relighting.captured_color(scene.splats),
             None if relighting.mode_of(settings).uses_proxy_colours else self.albedo,
@@ -110,7 +113,8 @@ class SplatLight:
         return out.astype(np.float32)
 
     def light(self, one: LightSet, what: str) -> F32:
-        """(units, N, 3) irradiance / pi of a set's unit lights; of GLOW one.
+        """(units, N, 3) irradiance / pi of a set's unit lights; of GLOW one. Where the job's sky follows its light,
+        splats of the sky have its radiance (`mirelight.pipeline.far_splats`).
 
         Args:
             one: a set.
@@ -119,11 +123,38 @@ class SplatLight:
         key = self._scene.keys.splat_light(one, self._spp)
         layers = [EMISSION] if one.glow else [str(i) for i in range(len(one.units))]
         shape = len(layers), len(self.places.points), 3
-        return self._made_once(key, shape, lambda: np.stack(list(self._traced(one, layers, what))))
+        made = self._made_once(key, shape, lambda: np.stack(list(self._traced(one, layers, what))))
+        if self._sky is None:
+            return made
+        units = (None,) if one.glow else one.units
+        return np.stack([self.with_sky(light, unit) for light, unit in zip(made, units, strict=True)])
 
     def unit_lights(self, units: tuple[Unit, ...]) -> Iterator[F32]:
         """(N, 3) irradiance / pi of each of a few unit lights, as they may be for a moment: they are not kept."""
-        return self._traced(LightSet(units), [str(i) for i in range(len(units))], "")
+        made = self._traced(LightSet(units), [str(i) for i in range(len(units))], "")
+        return (self.with_sky(light, unit) for light, unit in zip(made, units, strict=True))
+
+    def with_sky(self, light: F32, unit: Unit | None) -> F32:
+        """(N, 3) light of a unit light on the proxy, or of what glows (None), with that of the sky's splats."""
+        return light if self._sky is None else self._sky.on(light, unit)
+
+    @cached_property
+    def _sky(self) -> FarSplats | None:
+        """None where no sky follows the job's light."""
+        scene = self._scene
+        if scene.splats is None or not requirements.wants_beyond(scene.job):
+            return None
+        white = np.ones(3)
+        return FarSplats(
+            scene.splats, scene.splat_distances, scene.job.capture_cameras, lambda unit: scene.far_map([(unit, white)])
+        )
+
+    @property
+    def _without_sky(self) -> SplatLight:
+        """The same splats, each by its place on the proxy alone."""
+        out = copy(self)
+        vars(out)["_sky"] = None
+        return out
 
     @cached_property
     def albedo(self) -> F32:

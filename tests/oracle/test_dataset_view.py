@@ -222,7 +222,6 @@ def test_the_background_may_be_a_number_in_one_lighting_and_the_sky_in_another(t
     [
         (("profile=playcanvas",), "the profile playcanvas, whose background is one number; give a number"),
         (("relight.mode=tint",), "a mode that does not compare with the captured light; give a number, or"),
-        (("relight.per=splat",), 'light that is found for splats; give a number, or set per to "pixel"'),
         (("captured=lamps",), "captured light without an environment; give a number, or name what"),
     ],
 )

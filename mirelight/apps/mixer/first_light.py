@@ -92,7 +92,7 @@ class StagedLight:
     def light(self, unit: Unit, stage: int) -> F32:
         """(N, 3) irradiance / pi of a unit light, as a stage has it."""
         if stage == 0:
-            return self._first.light(self.scene.lighting_of(LightSet((unit,))))
+            return self.splats.with_sky(self._first.light(self.scene.lighting_of(LightSet((unit,)))), unit)
         spp = self.stages[stage]
         if spp not in self._finer:
             self._finer[spp] = self.splats.with_samples(spp)

@@ -161,7 +161,7 @@ class RelightTable(Table):
     background: FarFactor = Field(
         default=_RELIGHT.background,
         description='The factor far from the proxy: a number; or "environment", new over captured light that comes '
-        "from each pixel's direction, so that splats of the sky follow it (ratio and albedo, light found for pixels). "
+        "from each pixel's direction, so that splats of the sky follow it (ratio and albedo). "
         "playcanvas: a number.",
     )
     texture_scale: float = Field(

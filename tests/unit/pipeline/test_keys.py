@@ -284,6 +284,7 @@ KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of"
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
 KEYED |= {
     "splat_distances",
+    "splat_sky",
     "light_with_objects",
     "light_of_lobes",
     "in_front",

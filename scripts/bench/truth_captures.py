@@ -142,6 +142,14 @@ PLANS = (
         ("sunny", "clouds", "other lamp"),
         shooting=Shooting(sky=True, iterations=1600, most=60_000),
     ),
+    _Plan(
+        "farm",
+        "farm",
+        "farm, trained",
+        "clear day",
+        ("low sun", "clouds", "lamp"),
+        shooting=Shooting(sky=True, iterations=1600, most=60_000),
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -155,6 +163,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "glazed": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
     "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
+    "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
 }
 
 

@@ -44,7 +44,9 @@ def _ground() -> list[Part]:
     """Grass that rises towards the back, a gravel road and yard on it."""
     s, t = np.meshgrid(np.linspace(-FAR, FAR, 140), np.linspace(-FAR, FAR, 140), indexing="ij")
     away = np.maximum(np.hypot(s, t) - 14, 0)
-    rise = 0.5 * noise(np.stack([s, t, 0 * s], -1) / 9, 7) * np.minimum(away / 8, 1) - 0.02 * np.minimum(t, 0) * (t < -14)
+    rise = 0.5 * noise(np.stack([s, t, 0 * s], -1) / 9, 7) * np.minimum(away / 8, 1) - 0.02 * np.minimum(t, 0) * (
+        t < -14
+    )
     grass = sheet(np.stack([s, rise - 0.05 * (away == 0), t], -1), "grass", flip=True)
     yard = boxes((1.5, -0.03, 6.2), (13.0, 0.12, 5.6), "road", bevel=0.02)
     drive = boxes((10.5, -0.05, 6.0), (6.0, 0.1, 3.2), "road", bevel=0.02)
@@ -99,7 +101,9 @@ def _plants() -> list[Part]:
     rng = np.random.default_rng(67)
     parts = []
     for k, (x, z, scale) in enumerate(TREES):
-        parts.append(tube([[x, -0.2, z], [x + 0.1, 1.6 * scale, z], [x, 3.0 * scale, z]], [0.3, 0.22, 0.14], "bark", 12))
+        parts.append(
+            tube([[x, -0.2, z], [x + 0.1, 1.6 * scale, z], [x, 3.0 * scale, z]], [0.3, 0.22, 0.14], "bark", 12)
+        )
         for ball in range(5):
             centre = np.array([x, 4.2 * scale, z]) + rng.normal(0, 0.8 * scale, 3) * [1, 0.6, 1]
             radius = scale * rng.uniform(1.0, 1.5)
@@ -133,13 +137,17 @@ def looks() -> Looks:
 
 def recipe() -> Recipe:
     """How the scene is made."""
-    lamp = PointLight(name="lamp", position=np.array([5.0, 4.2, 4.6]), color=np.array([1.0, 0.74, 0.46]), intensity=22.0)
+    lamp = PointLight(
+        name="lamp", position=np.array([5.0, 4.2, 4.6]), color=np.array([1.0, 0.74, 0.46]), intensity=22.0
+    )
     flight = []
     for k in range(ROUND):  # twice round, low and high
         turn = 4 * np.pi * k / ROUND + 0.1
         away, high = ((17.0, 8.5), (21.0, 15.0))[2 * k // ROUND]
         aim = ((0, 1.0, 1.0), (3.0, 0.5, 2.0), (-3.0, 1.0, 0.0))[k % 3]
-        flight.append(Camera.look_at((away * np.sin(turn), high, away * np.cos(turn)), aim, 960, 640, yfov=50, name=f"{k}"))
+        flight.append(
+            Camera.look_at((away * np.sin(turn), high, away * np.cos(turn)), aim, 960, 640, yfov=50, name=f"{k}")
+        )
     for k in range(ACROSS):  # over it in two lines
         x, z = -12 + 4.0 * (k % 7), (-5.0, 5.0)[k // 7]
         flight.append(Camera.look_at((x, 19.0, z + 2.5), (x, 0, z), 960, 640, yfov=50, name=f"{ROUND + k}"))

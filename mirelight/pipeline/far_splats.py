@@ -6,13 +6,12 @@ past the proxy (`mirelight.relighting.far`); so that is its light, in place of w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from mirelight.base.conventions import unit
 from mirelight.model import F32, F64, Camera, SplatCloud
-from mirelight.model.unit_lights import Unit
 from mirelight.pipeline.beyond import off_proxy
 from mirelight.relighting.far import ROWS
 from mirelight.relighting.surroundings import Lookup
@@ -25,10 +24,9 @@ class FarSplats:
         splats: in world space.
         away: (N,) their distances to the proxy.
         cameras: from where they were captured; none: directions are from the splats' middle.
-        far_of: gives the far map (128, 256, 3) of a unit light.
     """
 
-    def __init__(self, splats: SplatCloud, away: F32, cameras: Sequence[Camera], far_of: Callable[[Unit], F32]) -> None:
+    def __init__(self, splats: SplatCloud, away: F32, cameras: Sequence[Camera]) -> None:
         eyes = np.stack([x.position for x in cameras]) if cameras else splats.means
         way: F64 = splats.means.astype(np.float64) - np.median(eyes, axis=0)
         distance = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
@@ -36,12 +34,11 @@ class FarSplats:
         self._rows = np.flatnonzero(off > 0)
         self._share = off[self._rows, None].astype(np.float32)
         self._look = Lookup(unit(way[self._rows]), ROWS)
-        self._far_of = far_of
 
-    def on(self, light: F32, one: Unit | None) -> F32:
-        """(N, 3) light, irradiance / pi, of a unit light on the proxy, with its radiance where splats are of the sky;
-        None: of what glows, which no sky does."""
+    def on(self, light: F32, far: F32 | None) -> F32:
+        """(N, 3) light, irradiance / pi, on the proxy, with its radiance where splats are of the sky: that of a far map
+        (128, 256, 3); None: of what glows, which no sky does."""
         out = light.copy()
-        far = np.float32(0) if one is None else self._look(self._far_of(one)).astype(np.float32)
-        out[self._rows] += self._share * (far - light[self._rows])
+        seen = np.float32(0) if far is None else self._look(far).astype(np.float32)
+        out[self._rows] += self._share * (seen - light[self._rows])
         return out

@@ -49,6 +49,7 @@ class SplatLight:
 
     def __init__(self, scene: Prepared, spp: int, progress: ShareProgress | None = None) -> None:
         self._scene, self._spp, self._say = scene, spp, progress or quiet
+        self._has_sky = True
 
     def with_samples(self, spp: int) -> SplatLight:
         """The same splats with other samples."""
@@ -61,7 +62,8 @@ class SplatLight:
         """The same places and tracer under another job's lights; `keys.proxy` and `keys.splat_places` agree."""
         out = copy(self)
         out._scene = scene
-        vars(out).pop("_sky", None)  # whether it follows is a setting of the job
+        if scene.keys.splat_sky != self._scene.keys.splat_sky:
+            vars(out).pop("_far", None)
         return out
 
     @property
@@ -124,7 +126,7 @@ class SplatLight:
         layers = [EMISSION] if one.glow else [str(i) for i in range(len(one.units))]
         shape = len(layers), len(self.places.points), 3
         made = self._made_once(key, shape, lambda: np.stack(list(self._traced(one, layers, what))))
-        if self._sky is None:
+        if not self._sky_follows:
             return made
         units = (None,) if one.glow else one.units
         return np.stack([self.with_sky(light, unit) for light, unit in zip(made, units, strict=True)])
@@ -136,24 +138,25 @@ class SplatLight:
 
     def with_sky(self, light: F32, unit: Unit | None) -> F32:
         """(N, 3) light of a unit light on the proxy, or of what glows (None), with that of the sky's splats."""
-        return light if self._sky is None else self._sky.on(light, unit)
+        if not self._sky_follows:
+            return light
+        return self._far.on(light, None if unit is None else self._scene.far_map([(unit, np.ones(3))]))
+
+    @property
+    def _sky_follows(self) -> bool:
+        return self._has_sky and requirements.wants_beyond(self._scene.job)
 
     @cached_property
-    def _sky(self) -> FarSplats | None:
-        """None where no sky follows the job's light."""
+    def _far(self) -> FarSplats:
         scene = self._scene
-        if scene.splats is None or not requirements.wants_beyond(scene.job):
-            return None
-        white = np.ones(3)
-        return FarSplats(
-            scene.splats, scene.splat_distances, scene.job.capture_cameras, lambda unit: scene.far_map([(unit, white)])
-        )
+        assert scene.splats is not None
+        return FarSplats(scene.splats, scene.splat_distances, scene.job.capture_cameras)
 
     @property
     def _without_sky(self) -> SplatLight:
         """The same splats, each by its place on the proxy alone."""
         out = copy(self)
-        vars(out)["_sky"] = None
+        out._has_sky = False
         return out
 
     @cached_property

@@ -17,7 +17,14 @@ from scenegen.truth import Looks
 
 ROUND, ACROSS = 66, 14  # pictures
 FAR = 70.0  # metres to the ground's end
-TREES = ((-9.5, 3.5, 1.0), (-8.0, -7.0, 1.25), (9.5, -6.0, 1.1), (11.5, 7.5, 0.85), (-14.0, 9.0, 1.2), (4.0, 9.9, 0.8))
+TREES = (  # x, z, size
+    (-9.5, 3.5, 1.0),
+    (-8.0, -7.0, 1.25),
+    (9.5, -6.0, 1.1),
+    (11.5, 7.5, 0.85),
+    (-14.0, 9.0, 1.2),
+    (4.0, 9.9, 0.8),
+)
 HEDGE = ((-12.0, 11.5), (7.5, 11.5))  # x, z of its ends
 
 
@@ -44,9 +51,8 @@ def _ground() -> list[Part]:
     """Grass that rises towards the back, a gravel road and yard on it."""
     s, t = np.meshgrid(np.linspace(-FAR, FAR, 140), np.linspace(-FAR, FAR, 140), indexing="ij")
     away = np.maximum(np.hypot(s, t) - 14, 0)
-    rise = 0.5 * noise(np.stack([s, t, 0 * s], -1) / 9, 7) * np.minimum(away / 8, 1) - 0.02 * np.minimum(t, 0) * (
-        t < -14
-    )
+    hills = 0.5 * noise(np.stack([s, t, 0 * s], -1) / 9, 7) * np.minimum(away / 8, 1)
+    rise = hills - 0.02 * np.minimum(t, 0) * (t < -14)
     grass = sheet(np.stack([s, rise - 0.05 * (away == 0), t], -1), "grass", flip=True)
     yard = boxes((1.5, -0.03, 6.2), (13.0, 0.12, 5.6), "road", bevel=0.02)
     drive = boxes((10.5, -0.05, 6.0), (6.0, 0.1, 3.2), "road", bevel=0.02)
@@ -72,7 +78,7 @@ def _gable(at: tuple[float, float], size: tuple[float, float], eaves: float, rid
 
 
 def _house() -> list[Part]:
-    """A long house, a wing towards the yard, a chimney, windows with sills, a terrace with a table."""
+    """A long house, a wing towards the yard, a chimney, windows, a terrace with a table."""
     walls = boxes([[0, 1.5, -1.5], [-4.0, 1.3, 3.0]], [[11.0, 3.0, 6.0], [4.0, 2.6, 3.4]], "wall", bevel=0.02)
     rows = [[x, 1.6, 1.5] for x in (-0.6, 3.4)] + [[x, 1.6, -4.5] for x in (-4, -1.3, 1.3, 4)] + [[-4.0, 1.5, 4.7]]
     windows = boxes(rows, [[1.1, 1.3, 0.16]] * len(rows), "frame", bevel=0.01)

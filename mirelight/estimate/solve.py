@@ -277,7 +277,7 @@ def _steadied(task: _Task) -> _Found:
 def _descended(task: _Task, start: tuple[float, float] | None = None, steady: float = 0.0) -> _Found:
     """The fit from an even sky, and a sun of that mean albedo and share, or of those that it was found with."""
     places = task.places
-    albedo, share = (TUNING.mean_albedo, 0.0) if task.sun is None else start or task.sun.start
+    albedo, share = (TUNING.mean_albedo, 0.0) if task.sun is None else start or task.sun.begin
     level = places.color.mean() / albedo
     direct = max(level - places.met.mean(), 0.1 * level)
     opening = float(places.open.sum(axis=1).mean())

@@ -114,6 +114,11 @@ class Sun:
     sure: bool = False  # they tell this one and no other
 
     @property
+    def begin(self) -> tuple[float, float]:
+        """Mean albedo and share that a fit begins with: one that is surely there fades away if it begins weakly."""
+        return TUNING.even if self.sure and self.start[1] < TUNING.even[1] else self.start
+
+    @property
     def by_edges(self) -> bool:
         """Whether shadows' edges tell where it is."""
         return bool(np.isfinite(self.least_said))

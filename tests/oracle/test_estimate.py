@@ -271,6 +271,18 @@ def test_a_sun_of_which_edges_are_certain_need_not_explain_more(monkeypatch: pyt
         assert (best.sun is not None) == there
 
 
+@pytest.mark.parametrize("start", [(0.6, 0.1), (0.6, 0.02)])
+def test_a_sun_that_edges_surely_tell_does_not_fade_from_a_weak_start(start: tuple[float, float]) -> None:
+    """Where a picture has shadow in three places of ten that the proxy has in the sun, a weak sun stays weak on its way
+    down, though a strong one explains far more."""
+    _, pairs, one, _, _ = known_yard()
+    places, _ = misfit(0.3)
+    weak, sure = (solve._each(places, pairs, replace(one, start=start, sure=sure)).light for sure in (False, True))
+    of_truth = [float(light.beams[0].mean() / beam_of_yard().mean()) for light in (weak, sure)]
+    assert of_truth[0] < 0.4 and weak.loss > sure.loss + 0.03
+    assert 0.8 < of_truth[1] < 1.1
+
+
 @cache
 def known_yard() -> tuple[transport.Places, Pairs, sun.Sun, F64, F64]:
     """Places of the yard, and its sun: its share at each, and irradiance / pi."""

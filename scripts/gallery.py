@@ -54,15 +54,10 @@ class Work:
     def overrides(self) -> list[str]:
         return [x for setting in self.settings for x in ("--set", setting)]
 
-    def run(self, *arguments: str) -> None:
-        """A command of mirelight."""
-        if code := cli.main(list(arguments)):
-            raise MirelightError(f"`mirelight {' '.join(arguments)}` ended with exit code {code}")
-
     def render(self, *choice: str) -> None:
         """Its frames, or those that are chosen."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.run("render", str(self.job), "-o", str(self.folder), "-q", *choice, *self.overrides)
+        run("render", self.job, "-o", self.folder, "-q", *choice, *self.overrides)
 
     def frames(self) -> list[tuple[str, Path]]:
         """Name of the lighting and file of every frame that is there, in the job's order."""
@@ -72,6 +67,13 @@ class Work:
         job = load(self.job, [parse(x) for x in self.settings])
         names = [(y.name, f"{x.name}.{y.name}.png") for x in job.cameras for y in job.lightings]
         return [(lighting, self.folder / name) for lighting, name in names if (self.folder / name).is_file()]
+
+
+def run(*arguments: str | Path) -> None:
+    """A command of mirelight."""
+    words = [str(x) for x in arguments]
+    if code := cli.main(words):
+        raise MirelightError(f"`mirelight {' '.join(words)}` ended with exit code {code}")
 
 
 # --- what a picture shows --------------------------------------------------------------------------------------------
@@ -143,16 +145,13 @@ def parts(work: Work) -> Tiles:
 
     relit = work.frames()[0][1]
     exr = read_exr(relit.with_suffix(".exr"))
-    normal, lit = exr.layer("normal"), exr.layer("lighting")
-    # A lamp beside the camera's shoulder shows the mesh's shape.
-    slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
-    clay = np.rint(255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None])
+    lit = exr.layer("lighting")
     # The frame's factor is new over captured light.
     light = lit[..., :3] / np.maximum(lit[..., 3:] * exr.layer("albedo") * exr.layer("factor"), 1e-4)
     captured = np.concatenate([light, np.ones_like(lit[..., 3:])], axis=2).astype(np.float32)
     return [
         ("capture", unlit(relit)),
-        ("proxy, made from the splats", clay.astype(np.uint8)),
+        ("proxy, made from the splats", clay(exr.layer("normal"))),
         ("light that it was captured under, estimated", encode_display(captured, DisplaySettings())),
         ("relit", picture(relit)),
     ]
@@ -190,7 +189,7 @@ def hours(work: Work) -> Tiles:
 
 def exported(work: Work) -> Tiles:
     """The contact sheet of a data set that is exported from kept layers."""
-    work.run("export", str(work.folder), "--layout", "colmap", "--no-hdr", "-q", "-o", str(work.folder / "set"))
+    run("export", work.folder, "--layout", "colmap", "--no-hdr", "-q", "-o", work.folder / "set")
     return [("", picture(work.folder / "set" / "sheet.jpg"))]
 
 
@@ -201,6 +200,13 @@ def unlit(path: Path) -> Pixels:
     from mirelight.model import DisplaySettings
 
     return encode_display(read_exr(path.with_suffix(".exr")).layer("unlit"), DisplaySettings())
+
+
+def clay(normal: NDArray[np.float32]) -> Pixels:
+    """A mesh of normals (H, W, 3), 0 where it is not, lit by a lamp beside the camera's shoulder."""
+    slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
+    shown = 255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None]
+    return np.asarray(np.rint(shown), np.uint8)
 
 
 def before_and_after(work: Work) -> Tiles:
@@ -368,14 +374,11 @@ def draw(name: str, kind: Kind, work: Work, out: Path) -> Path:
         sheet = work.folder / "sheet.png"
         write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in row] for row in rows], size=kind.width)
         pixels = picture(sheet)
-    path = out / f"{name}.jpg"
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(jpeg(pixels))
-    return path
+    return written(pixels, out / f"{name}.jpg")
 
 
-def jpeg(pixels: Pixels) -> bytes:
-    """The best JPEG within `MOST_BYTES`."""
+def written(pixels: Pixels, path: Path) -> Path:
+    """As the best JPEG within `MOST_BYTES`."""
     from PIL import Image
 
     for quality in range(92, 20, -4):
@@ -383,7 +386,9 @@ def jpeg(pixels: Pixels) -> bytes:
         Image.fromarray(pixels).save(stream, "JPEG", quality=quality, optimize=True, progressive=True)
         if stream.tell() <= MOST_BYTES:
             break
-    return stream.getvalue()
+    with atomic_path(path) as fresh:
+        fresh.write_bytes(stream.getvalue())
+    return path
 
 
 def clip(work: Work) -> Path:

@@ -20,7 +20,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mirelight import cli
+from gallery import run
+
 from mirelight.apps.realtime import browser
 from mirelight.base.errors import MirelightError
 from mirelight.io.atomic import atomic_path
@@ -205,12 +206,6 @@ def film(out: Path) -> Path:
         if path.stat().st_size <= MOST_FILM:
             break
     return path
-
-
-def run(*arguments: str | Path) -> None:
-    """A command of mirelight."""
-    if code := cli.main([str(x) for x in arguments]):
-        raise MirelightError(f"`mirelight {' '.join(map(str, arguments))}` ended with exit code {code}")
 
 
 @contextmanager

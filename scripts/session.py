@@ -60,8 +60,7 @@ def main() -> int:
         text = re.sub(r"[ \t]+$", "", said(command, folder), flags=re.MULTILINE)
         session += f"$ {command}\n{text}\n"
         print(f"$ {command}\n{text}", flush=True)
-    with atomic_path(PICTURE) as temporary:
-        temporary.write_bytes(gallery.jpeg(gallery.picture(folder / "out" / "first.sun.png")))
+    gallery.written(gallery.picture(folder / "out" / "first.sun.png"), PICTURE)
     page = with_session(PAGE.read_text(encoding="utf-8"), session.rstrip("\n") + "\n")
     with atomic_path(PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8")

@@ -15,10 +15,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from gallery import ROOT, Pixels, Tiles, Work, jpeg, part, picture, unlit
+from gallery import ROOT, Pixels, Tiles, Work, clay, part, picture, run, unlit, written
 
 from mirelight.base.errors import MirelightError
-from mirelight.io.atomic import atomic_path
 from mirelight.io.sheet import Tile, write_sheet
 from mirelight.model import Camera, DisplaySettings, Lighting, ProxyMesh, RenderSettings, SunLight
 
@@ -43,9 +42,9 @@ def commands(capture: Path, folder: Path) -> Work:
     with (folder / "said.txt").open("a", encoding="utf-8") as said, redirect_stdout(said):
         proxy = folder / f"{capture.name.partition('.')[0]}.proxy.glb"
         if not proxy.exists():
-            work.run("proxy", str(here), "-o", str(proxy))
+            run("proxy", here, "-o", proxy)
         if not work.job.exists():
-            work.run("new", str(here), "-o", str(work.job))
+            run("new", here, "-o", work.job)
     return work
 
 
@@ -87,16 +86,14 @@ def numbers(values: np.ndarray) -> str:
     return ", ".join(f"{x:.4g}" for x in values)
 
 
-def clay(path: Path) -> Pixels:
+def proxy_of(path: Path) -> Pixels:
     """The proxy of a frame, lit from beside the camera."""
     from mirelight.io.exr import read_exr
     from mirelight.io.job import load
 
     camera = load(path.parent.parent / "job.toml").cameras[-1]
-    normal = read_exr(path.with_suffix(".exr")).layer("normal") @ camera.world_from_camera[:3, :3].astype(np.float32)
-    slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
-    shown = 255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None]
-    return np.asarray(np.rint(shown), np.uint8)
+    normal = read_exr(path.with_suffix(".exr")).layer("normal")
+    return clay(normal @ camera.world_from_camera[:3, :3].astype(np.float32))
 
 
 def estimated(work: Work) -> tuple[Lighting, bool]:
@@ -151,7 +148,7 @@ def strip(work: Work) -> Tiles:
     square = HEIGHT / WIDTH / 2
     return [
         ("captured", part(captured, box)),
-        ("own proxy", part(clay(low_sun), box)),
+        ("own proxy", part(proxy_of(low_sun), box)),
         (told, part(lit_ball, (0.5 - square, 0.0, 0.5 + square, 1.0))),
         ("low sun", part(picture(low_sun), box)),
         ("night", part(picture(night), box)),
@@ -171,11 +168,8 @@ def main() -> int:
             work.render("--camera", "first")
             sheet = work.folder / "sheet.png"
             write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in strip(work)]], size=260)
-            path = arguments.out / f"{name}.jpg"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_path(path) as temporary:
-                temporary.write_bytes(jpeg(picture(sheet)))
-            print(path, flush=True)
+            arguments.out.mkdir(parents=True, exist_ok=True)
+            print(written(picture(sheet), arguments.out / f"{name}.jpg"), flush=True)
     except MirelightError as error:
         print(f"unknown: {error}", file=sys.stderr)
         return 2

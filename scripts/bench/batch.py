@@ -14,7 +14,6 @@ import contextlib
 import json
 import os
 import resource
-import shutil
 import statistics
 import subprocess
 import sys
@@ -33,7 +32,7 @@ from mirelight.model import Job
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import stages
 from mirelight.pipeline.plan import FrameTask, plan
-from mirelight.pipeline.scene import prepare
+from mirelight.pipeline.scene import Scene, prepare
 from mirelight.store import Store
 
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "stage"
@@ -159,17 +158,20 @@ def made(path: Path) -> Figures:
 
 def units(job: Job) -> list[LightSet]:
     """Each unit light of the job, that of the captured light too, as a set of its own."""
-    scene = prepare(job)
+    return [LightSet((unit,)) for s in sets_of(prepare(job)) for unit in s.units]
+
+
+def sets_of(scene: Scene) -> list[LightSet]:
+    """What is traced together of the job's light, the captured one too."""
+    job = scene.job
     every = [*job.lightings, *([job.captured] if job.captured is not None else [])]
-    sets = {s.digest: s for x in every for s in scene.mixture(x).sets}
-    return [LightSet((unit,)) for s in sets.values() for unit in s.units]
+    return list({s.digest: s for x in every for s in scene.mixture(x).sets}.values())
 
 
 def traced(job: Job, *, alone: bool) -> float:
     """CPU seconds of tracing each unit light of each camera once; nothing that is made once a scene counts."""
     scene = prepare(job)
-    every = [*job.lightings, *([job.captured] if job.captured is not None else [])]
-    sets = units(job) if alone else list({s.digest: s for x in every for s in scene.mixture(x).sets}.values())
+    sets = units(job) if alone else sets_of(scene)
     seen = [relighting.lighting_camera(x, job.relight) for x in job.cameras]
     for one in sets:  # compiles, and uploads the scene
         scene.tracer.trace(scene.lighting_of(one), seen[0])
@@ -283,8 +285,8 @@ def budget(quick: bool) -> Table:
     body = page.partition("```toml\n# film.toml\n")[2].partition("```")[0]
     rows = []
     for name, more in BUDGETS.items():
-        folder = Path(tempfile.mkdtemp(prefix="bench-batch-"))
-        try:
+        with tempfile.TemporaryDirectory(prefix="bench-batch-") as made_in:
+            folder = Path(made_in)
             text = body.replace('"scenes/', f'"{SCENE.parent.as_posix()}/').replace(
                 "out/film", f"{folder.as_posix()}/out"
             )
@@ -296,8 +298,6 @@ def budget(quick: bool) -> Table:
             if quick:
                 text = text.replace("[256, 256]", "[16, 16]").replace("spp = 32", "spp = 1")
             found = child("counted", written(folder, text))
-        finally:
-            shutil.rmtree(folder)
         hours = (found["before"] + 100 * found["camera"]) / 3600
         machines = [f"{hours / cores:.2g} h" for cores in _MACHINES]
         rows.append((name, f"{hours:.2g}", f"{100 * found['bytes'] / 1e9:.2g} GB", *machines))
@@ -383,10 +383,7 @@ def run(chosen: argparse.Namespace) -> list[Table]:
         return [budget(chosen.quick)]
     figures: Figures = {}
     for name in chosen.only:
-        folder = Path(tempfile.mkdtemp(prefix="bench-batch-"))
-        try:
-            figures |= RUN[name](QUICK if chosen.quick else FULL, folder)
-        finally:
-            shutil.rmtree(folder)
+        with tempfile.TemporaryDirectory(prefix="bench-batch-") as folder:
+            figures |= RUN[name](QUICK if chosen.quick else FULL, Path(folder))
     rows = [(name, value, goal(name, value)) for name, value in figures.items()]
     return [table("Ten thousand frames, measured", ("figure", "value", "goal"), rows)]

@@ -62,12 +62,15 @@ def truth(scene: str, name: str, size: tuple[int, int]) -> F64:
 
 def made(job: Job, like: Scene | None = None) -> tuple[Frame, Scene]:
     """The job's only frame."""
+    scene = opened(job, like)
+    return stages.frame(scene, job.cameras[0], job.lightings[0]), scene
+
+
+def opened(job: Job, like: Scene | None = None) -> Scene:
+    """The job made ready; what it has of light stays in its folder."""
     store = Store(job)
     store.open()
-    scene = prepare(job, store.artefacts)
-    if like is not None:
-        scene.take_over(like)
-    return stages.frame(scene, job.cameras[0], job.lightings[0]), scene
+    return prepare(job, store.artefacts, like=like)
 
 
 def moved(job: Job) -> Job:

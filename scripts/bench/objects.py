@@ -123,16 +123,16 @@ class Yard:
         """The truth."""
         view, spp = self.camera, self._truth_spp
 
+        def full() -> Truth:
+            soups_ = [*self._looks.soups, *(s for _, s in self._soups)]
+            return Truth(replace(self._looks, soups=soups_), lighting, {x.name: bsdf(x) for x in self.things})
+
         def make() -> F32:
-            more = {x.name: bsdf(x) for x in self.things}
-            full = Looks(soups=[*self._looks.soups, *(s for _, s in self._soups)], surfaces=self._looks.surfaces)
-            scenes = Truth(self._looks, lighting), Truth(full, lighting, more)
+            scenes = Truth(self._looks, lighting), full()
             return np.stack([[x.picture(view, spp, seed=k)[..., :3] for k in (1, 2)] for x in scenes])
 
         def mirrored() -> F32:
-            more = {x.name: bsdf(x) for x in self.things}
-            full = Looks(soups=[*self._looks.soups, *(s for _, s in self._soups)], surfaces=self._looks.surfaces)
-            scene = Truth(full, lighting, more)
+            scene = full()
             return np.stack([seen_along(scene, view, pixels, FINER * spp, seed=k) for k in (1, 2)])
 
         name = f"objects.{lighting.name}.{view.width}x{view.height}.{spp}"
@@ -319,18 +319,8 @@ def _clean(picture: F32, surface: F32) -> F32:
     """(H, W, 3) a noisy picture without its noise, guided by (H, W, 6) albedo and normals."""
     import pyoidn  # type: ignore[import-untyped]
 
-    out = np.zeros_like(picture[..., :3])
-    shown = {"color": picture[..., :3], "albedo": surface[..., :3], "normal": surface[..., 3:]}
-    images = {name: np.array(x, np.float32) for name, x in shown.items()} | {"output": out}  # pyoidn keeps none of them
-    with pyoidn.Device() as device:
-        device.commit()
-        with pyoidn.Filter(device, "RT") as run:
-            for name, image in images.items():
-                run.set_image(name, image, pyoidn.OIDN_FORMAT_FLOAT3)
-            run.set_bool("hdr", True)
-            run.commit()
-            run.execute()
-    return np.maximum(out, 0)
+    color, albedo, normal = (np.ascontiguousarray(x[..., :3], np.float32) for x in (picture, surface, surface[..., 3:]))
+    return np.maximum(pyoidn.denoise(color, albedo=albedo, normal=normal, hdr=True), 0)
 
 
 def _inserted(thing: Thing, soup: Soup) -> Inserted:

@@ -20,14 +20,11 @@ from scenegen.truth import Truth
 from trained_scene import recipe
 
 from bench.common import Table, path, table
-from bench.modes import decibels, shown, truth
-from mirelight import prepare
+from bench.modes import decibels, opened, shown, truth
 from mirelight.io import job as jobs
 from mirelight.model import Job
 from mirelight.pipeline import stages
-from mirelight.pipeline.scene import Scene
 from mirelight.relighting import unlit_rgba
-from mirelight.store import Store
 
 ROOT = Path(__file__).resolve().parents[2]
 COVERAGE_SPP, WHOLE = 16, 0.99  # samples that say where the surface is, and the share of them that meets it
@@ -40,14 +37,14 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
     camera, made_of = job.cameras[0], recipe()
     size = camera.height, camera.width
     surface: Bool = Truth(made_of.looks(), made_of.captured).picture(camera, COVERAGE_SPP)[..., 3] > WHOLE
-    found = _opened(job, None)
+    found = opened(job)
     layer = stages.composite(found, camera)
     assert layer is not None
     capture = shown(unlit_rgba(layer))
     ways = {
-        "tint": _opened(replace(job, relight=replace(job.relight, mode="tint", background=1.0)), found),
+        "tint": opened(replace(job, relight=replace(job.relight, mode="tint", background=1.0)), found),
         "as shipped": found,
-        "light known": _opened(replace(job, captured=made_of.captured), found),
+        "light known": opened(replace(job, captured=made_of.captured), found),
     }
     yield "day, as captured", decibels(capture[surface], shown(truth("plinth", "day", size))[surface]), "", "", ""
     for lighting in job.lightings:
@@ -59,15 +56,6 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
             Image.fromarray((sheet * 255 + 0.5).astype(np.uint8)).save(pictures / f"{lighting.name}.png")
         yield lighting.name, *(decibels(x[surface], true[surface]) for x in frames)
         yield f"{lighting.name}, whole picture", *(decibels(x, true) for x in frames)
-
-
-def _opened(job: Job, like: Scene | None) -> Scene:
-    store = Store(job)
-    store.open()
-    scene = prepare(job, store.artefacts)
-    if like is not None:
-        scene.take_over(like)
-    return scene
 
 
 def options(parser: argparse.ArgumentParser) -> None:

@@ -31,6 +31,7 @@ _COMMON = "float inputs:intensity = 2\nfloat inputs:exposure = 3\nfloat inputs:d
 LUMINANCE = 2 * 2**3 * 0.5  # cd/m²
 _TUBE = "float inputs:length = 1.5\nfloat inputs:radius = 0.2"
 _WARM = "float inputs:radius = 0.4\nbool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = 3000"
+_POWER = "\nbool inputs:normalize = 1"
 _SHAPED = '(\nprepend apiSchemas = ["ShapingAPI"]\n)'
 
 
@@ -41,26 +42,18 @@ def light_prim(kind: str, name: str, body: str, api: str = "") -> str:
 STAGE = "".join(
     [
         light_prim("DistantLight", "sun", "float inputs:angle = 2"),
-        light_prim("DistantLight", "sun_lux", "float inputs:angle = 2\nbool inputs:normalize = 1"),
+        light_prim("DistantLight", "sun_lux", "float inputs:angle = 2" + _POWER),
         light_prim("DistantLight", "parallel", "float inputs:angle = 0"),
         light_prim("SphereLight", "ball", "float inputs:radius = 0.4"),
-        light_prim("SphereLight", "ball_power", "float inputs:radius = 0.4\nbool inputs:normalize = 1"),
+        light_prim("SphereLight", "ball_power", "float inputs:radius = 0.4" + _POWER),
         light_prim("SphereLight", "dot", "float inputs:radius = 0.4\nbool treatAsPoint = 1"),
-        light_prim(
-            "SphereLight", "dot_power", "float inputs:radius = 0\nbool treatAsPoint = 1\nbool inputs:normalize = 1"
-        ),
+        light_prim("SphereLight", "dot_power", "float inputs:radius = 0\nbool treatAsPoint = 1" + _POWER),
         light_prim("DiskLight", "disk", "float inputs:radius = 0.7"),
-        light_prim("DiskLight", "disk_power", "float inputs:radius = 0.7\nbool inputs:normalize = 1"),
+        light_prim("DiskLight", "disk_power", "float inputs:radius = 0.7" + _POWER),
         light_prim("RectLight", "rect", "float inputs:width = 2\nfloat inputs:height = 1"),
-        light_prim(
-            "RectLight", "rect_power", "float inputs:width = 2\nfloat inputs:height = 1\nbool inputs:normalize = 1"
-        ),
+        light_prim("RectLight", "rect_power", "float inputs:width = 2\nfloat inputs:height = 1" + _POWER),
         light_prim("CylinderLight", "tube", _TUBE),
-        light_prim(
-            "CylinderLight",
-            "tube_power",
-            "float inputs:length = 1.5\nfloat inputs:radius = 0.2\nbool inputs:normalize = 1",
-        ),
+        light_prim("CylinderLight", "tube_power", _TUBE + _POWER),
         light_prim("SphereLight", "cone", "float inputs:radius = 0.1\nfloat inputs:shaping:cone:angle = 20", _SHAPED),
         light_prim(
             "SphereLight",
@@ -69,12 +62,7 @@ STAGE = "".join(
             _SHAPED,
         ),
         light_prim("DiskLight", "focused", "float inputs:radius = 0.1\nfloat inputs:shaping:focus = 4", _SHAPED),
-        light_prim(
-            "SphereLight",
-            "warm",
-            "float inputs:radius = 0.4\nbool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = 3000"
-            "\nrel collection:lightLink:includes = </rect>",
-        ),
+        light_prim("SphereLight", "warm", _WARM + "\nrel collection:lightLink:includes = </rect>"),
         light_prim("DomeLight", "dome", "color3f inputs:color = (1, 0.5, 0.25)"),
     ]
 )

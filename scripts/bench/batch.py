@@ -25,7 +25,7 @@ from pathlib import Path
 from unittest import mock
 
 import mirelight
-from bench.common import Table, table
+from bench.common import Table, peak_mb, table
 from mirelight import cli, relighting
 from mirelight.batch import executor
 from mirelight.model import Job
@@ -199,12 +199,6 @@ def planning(path: Path) -> Figures:
 
 class Enough(BaseException):
     """The first frame would be made now."""
-
-
-def peak_mb() -> float:
-    """Of this process (Linux). `getrusage` would count the parent's before this program was started in its place."""
-    rows = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(float(row.split()[1]) for row in rows if row.startswith("VmHWM")) / 1024
 
 
 def planned(size: Size, folder: Path) -> Figures:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+import resource
 import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -70,6 +72,14 @@ def least(call: Callable[[], object], repeats: int) -> float:
     """Least CPU seconds of some calls, after one that does not count."""
     call()
     return min(timed(call)[1] for _ in range(repeats))
+
+
+def peak_mb() -> float:
+    """The most memory that this process has had, in MiB."""
+    status = Path("/proc/self/status")
+    if not status.exists():  # not Linux; there a child's ru_maxrss starts at its parent's
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 20)
+    return int(re.findall(r"VmHWM:\s*(\d+)", status.read_text(encoding="ascii"))[0]) / 1024
 
 
 def relative(mean: Array) -> Array:

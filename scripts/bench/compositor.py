@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import argparse
 import multiprocessing
-import re
-import resource
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,7 +20,7 @@ from statistics import median
 
 import numpy as np
 
-from bench.common import Table, table
+from bench.common import Table, peak_mb, table
 from mirelight.compositor import Compositor
 from mirelight.compositor.bin import Band, TileLists, sorted_records, tile_lists
 from mirelight.compositor.blend import Source, blend
@@ -187,10 +185,7 @@ def bench(scene: Scene, repeats: int) -> Result:
 def _composite_alone(folder: str, camera: Camera) -> float:
     arrays = {f.stem: np.load(f) for f in Path(folder).glob("*.npy")}
     Compositor(SplatCloud(**arrays), SETTINGS, threads=1).composite(camera)
-    status = Path("/proc/self/status")  # a child's ru_maxrss starts at its parent's
-    if status.exists():
-        return int(re.findall(r"VmHWM:\s*(\d+)", status.read_text())[0]) / (1 << 20)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 30)
+    return peak_mb() / 1024
 
 
 def peak_memory(scene: Scene) -> float:

@@ -161,12 +161,12 @@ def lathe(profile: ArrayLike, material: str, segments: int = 48, *, turns: float
     return sheet(p, material, flip=True)
 
 
-def spline(points: ArrayLike | Sequence[object], count: int, *, closed: bool = False) -> F64:
+def spline(points: ArrayLike | Sequence[object], count: int) -> F64:
     """(count, d) points of the Catmull-Rom curve through `points`."""
     p: F64 = np.array(points, dtype=np.float64)
-    p = np.concatenate([p[-1:], p, p[:2]]) if closed else np.concatenate([p[:1] * 2 - p[1:2], p, p[-1:] * 2 - p[-2:-1]])
+    p = np.concatenate([p[:1] * 2 - p[1:2], p, p[-1:] * 2 - p[-2:-1]])
     spans = len(p) - 3
-    t = np.linspace(0, spans, count, endpoint=not closed)
+    t = np.linspace(0, spans, count)
     k = np.minimum(t.astype(int), spans - 1)
     s = (t - k)[:, None]
     a, b, c, d = p[k], p[k + 1], p[k + 2], p[k + 3]

@@ -5,6 +5,8 @@ It is not shipped: `scripts/bench truth` makes it where it is needed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mirelight.model import Camera, Environment, Lighting, PointLight, SunLight
@@ -13,6 +15,8 @@ from scenegen.recipe import Recipe
 from scenegen.skies import Sky, sky, towards
 from scenegen.textures import Surface, painted_tiles, palette, plain, plaster, srgb, stone, wood
 from scenegen.truth import Looks
+
+Eye = tuple[float, float, float]
 
 WIDE, HIGH, DEEP, WALL = 2.6, 2.7, 2.2, 0.24  # metres: x from -WIDE to WIDE, z from -DEEP to DEEP
 WINDOWS = ((-1.85, -0.2), (0.2, 1.85))  # along z, in the wall at +X
@@ -178,6 +182,14 @@ def _lamps() -> Lighting:
     return Lighting(name="lamps", lights=lamps, environment=outside("dusk", 0.12, (0, 0, 0), 0, 30))
 
 
+def orbit(eye: Eye, target: Eye, across: Sequence[tuple[Eye, Eye]]) -> tuple[Camera, ...]:
+    """Cameras about one view of a room, and some that look across it, each from one place to another."""
+    moves = ((-0.5, 0.2, 0.1), (0.1, -0.5, -0.5), (-1.1, 0.3, -0.1), (0.1, 0.4, -1.0), (-0.2, -0.7, 0.1))
+    about = [Camera.look_at(np.add(eye, m), target, 960, 540, yfov=64, name=f"{k}") for k, m in enumerate(moves)]
+    ways = [Camera.look_at(*way, 960, 540, yfov=70, name=f"across {k}") for k, way in enumerate(across)]
+    return (*about, *ways)
+
+
 def recipe() -> Recipe:
     """How the scene is made."""
     day = Lighting(
@@ -193,18 +205,11 @@ def recipe() -> Recipe:
     )
     eye, target = (2.2, 1.55, 1.85), (-0.75, 0.85, -0.7)
     front = Camera.look_at(eye, target, 960, 540, yfov=58, name="front")
-    moves = ((-0.5, 0.2, 0.1), (0.1, -0.5, -0.5), (-1.1, 0.3, -0.1), (0.1, 0.4, -1.0), (-0.2, -0.7, 0.1))
-    orbit = [Camera.look_at(np.add(eye, m), target, 960, 540, yfov=64, name=f"{k}") for k, m in enumerate(moves)]
-    orbit += [
-        Camera.look_at(at, towards_, 960, 540, yfov=70, name=f"across {k}")
-        for k, (at, towards_) in enumerate(
-            (
-                ((-2.0, 1.7, -1.5), (1.5, 0.8, 1.2)),
-                ((-1.9, 1.6, 1.8), (1.2, 0.9, -1.2)),
-                ((2.0, 1.7, -0.9), (-1, 0.9, 1)),
-            )
-        )
-    ]
+    across = (
+        ((-2.0, 1.7, -1.5), (1.5, 0.8, 1.2)),
+        ((-1.9, 1.6, 1.8), (1.2, 0.9, -1.2)),
+        ((2.0, 1.7, -0.9), (-1, 0.9, 1)),
+    )
     return Recipe(
         name="interior",
         title="A room captured with the sun through its windows; relit by clouds, lamps and a low sun.",
@@ -212,7 +217,7 @@ def recipe() -> Recipe:
         captured=day,
         lightings=(overcast, _lamps(), low),
         cameras=(front,),
-        orbit=(front, *orbit),
+        orbit=(front, *orbit(eye, target, across)),
         pixels_per_splat=3.2,
         spacing=(0.012, 0.06),
         proxy_faces=48_000,

@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight.model import Camera, Lighting, PointLight
 from scenegen.geometry import Part, blob, boxes, lathe, place, rectangle, sheet, soups
-from scenegen.interior import outside, sunlight
+from scenegen.interior import orbit, outside, sunlight
 from scenegen.recipe import Recipe
 from scenegen.textures import Surface, painted_tiles, plain, plaster, srgb, wood
 from scenegen.truth import Looks
@@ -139,14 +139,11 @@ def recipe() -> Recipe:
     )
     eye, target = (1.95, 1.55, 1.5), (-0.7, 0.75, -0.55)
     front = Camera.look_at(eye, target, 960, 540, yfov=58, name="front")
-    moves = ((-0.5, 0.2, 0.1), (0.1, -0.5, -0.5), (-1.1, 0.3, -0.1), (0.1, 0.4, -1.0), (-0.2, -0.7, 0.1))
-    orbit = [Camera.look_at(np.add(eye, m), target, 960, 540, yfov=64, name=f"{k}") for k, m in enumerate(moves)]
     across = (
         ((-1.8, 1.7, -1.4), (1.4, 0.8, 1.1)),
         ((-1.7, 1.6, 1.6), (1.2, 0.9, -1.1)),
         ((1.9, 1.7, -1.3), (-1, 0.8, 1)),
     )
-    orbit += [Camera.look_at(at, to, 960, 540, yfov=70, name=f"across {k}") for k, (at, to) in enumerate(across)]
     return Recipe(
         name="sunroom",
         title="A room captured with a patch of sun on its floor; relit by clouds, lamps and a low sun.",
@@ -154,7 +151,7 @@ def recipe() -> Recipe:
         captured=day,
         lightings=(overcast, _lamps(), low),
         cameras=(front,),
-        orbit=(front, *orbit),
+        orbit=(front, *orbit(eye, target, across)),
         pixels_per_splat=4.0,
         spacing=(0.02, 0.07),
         proxy_faces=48_000,

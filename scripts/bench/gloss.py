@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from scenegen import glazed
+from scenegen.proxy import welded
 from scenegen.truth import Looks, Truth
 
 from bench.common import Table, table, truth_options
@@ -157,18 +158,13 @@ class Shine:
 
 def _surface(looks: Looks) -> ProxyMesh:
     """All true triangles with their normals and the names of their materials; equal corners are one."""
-    corners = np.concatenate([np.concatenate([x.positions, x.normals], 2).reshape(-1, 6) for x in looks.soups])
-    _, first, which = np.unique(
-        np.round(corners * 1e4).astype(np.int64), axis=0, return_index=True, return_inverse=True
-    )
-    faces = which.reshape(-1, 3).astype(np.int32)
-    real = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    corners, faces, real = welded(np.concatenate([np.concatenate([x.positions, x.normals], 2) for x in looks.soups]))
     names = sorted(looks.surfaces)
     owners = np.concatenate([np.full(len(x.positions), names.index(x.material), np.int32) for x in looks.soups])
     return ProxyMesh(
-        vertices=corners[first, :3].astype(np.float32),
-        normals=corners[first, 3:].astype(np.float32),
-        faces=faces[real],
+        vertices=corners[:, :3].astype(np.float32),
+        normals=corners[:, 3:].astype(np.float32),
+        faces=faces.astype(np.int32),
         face_materials=owners[real],
         materials=tuple(Material(name=x) for x in names),
     )

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scenegen import surfels, training
+from scenegen.proxy import welded
 from scenegen.recipe import Recipe
 from scenegen.skies import Sky, sky, towards
 from scenegen.training import Shooting, exposed
@@ -330,9 +331,5 @@ def _hard_sun() -> Lighting:
 
 def _welded(looks: Looks) -> ProxyMesh:
     """All true triangles, corners within a tenth of a millimetre made one."""
-    corners = np.concatenate([s.positions for s in looks.soups]).reshape(-1, 3)
-    keys = np.round(corners * 1e4).astype(np.int64)
-    _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    faces = which.reshape(-1, 3)
-    flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    return ProxyMesh(vertices=corners[first].astype(np.float32), faces=faces[~flat].astype(np.int32))
+    vertices, faces, _ = welded(np.concatenate([s.positions for s in looks.soups]))
+    return ProxyMesh(vertices=vertices.astype(np.float32), faces=faces.astype(np.int32))

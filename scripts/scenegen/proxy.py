@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import ProxyMesh
 from scenegen.geometry import F64, I64, noise
@@ -24,11 +25,11 @@ def proxy_of(recipe: Recipe, looks: Looks) -> ProxyMesh:
     pyfqmr = importlib.import_module("pyfqmr")
 
     simplifier = pyfqmr.Simplify()
-    simplifier.setMesh(*_welded(np.concatenate([s.positions for s in looks.soups if s.solid])))
+    simplifier.setMesh(*welded(np.concatenate([s.positions for s in looks.soups if s.solid]))[:2])
     simplifier.simplify_mesh(target_count=recipe.proxy_faces, aggressiveness=3, preserve_border=True, verbose=False)
     solid, solid_faces, _ = simplifier.getMesh()
     used, solid_faces = np.unique(solid_faces, return_inverse=True)
-    thin, thin_faces = _welded(np.concatenate([_unfolded(s.positions) for s in looks.soups if not s.solid]))
+    thin, thin_faces, _ = welded(np.concatenate([_unfolded(s.positions) for s in looks.soups if not s.solid]))
     vertices = np.concatenate([solid[used], thin])
     faces = np.concatenate([solid_faces.reshape(-1, 3), thin_faces + len(used)])
     error = np.stack([noise(vertices / BUMP, seed, octaves=3) for seed in (1, 2, 3)], axis=1)
@@ -36,14 +37,14 @@ def proxy_of(recipe: Recipe, looks: Looks) -> ProxyMesh:
     return ProxyMesh(vertices=moved.astype(np.float32), faces=faces.astype(np.int32))
 
 
-def _welded(triangles: F64) -> tuple[F64, I64]:
-    """Vertices (V, 3) and faces (F, 3) of triangles (N, 3, 3), those without area left out."""
-    corners = triangles.reshape(-1, 3)
+def welded(triangles: F64) -> tuple[F64, I64, NDArray[np.bool_]]:
+    """Vertices (V, C) and faces (F, 3) of triangles (N, 3, C), those without area left out; and (N,) which are left."""
+    corners = triangles.reshape(-1, triangles.shape[2])
     keys = np.round(corners * WELDS).astype(np.int64)
     _, first, which = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     faces = which.reshape(-1, 3)
     flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    return corners[first], faces[~flat]
+    return corners[first], faces[~flat], ~flat
 
 
 def _unfolded(triangles: F64) -> F64:

@@ -82,6 +82,14 @@ def peak_mb() -> float:
     return int(re.findall(r"VmHWM:\s*(\d+)", status.read_text(encoding="ascii"))[0]) / 1024
 
 
+def side_by_side(path: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
+    """A PNG of pictures (H, W, 3) of display values, from left to right; its folder is made."""
+    from PIL import Image  # here alone: some parts measure how much memory they take
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.rint(255 * np.concatenate(pictures, axis=1)).astype(np.uint8)).save(path)
+
+
 def relative(mean: Array) -> Array:
     """(H, W, 3) of weights for squared errors, so that their sum is the mean of d² / (mean² + 0.01 level²) over lit
     pixels."""

@@ -18,12 +18,11 @@ from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scenegen import glazed
 from scenegen.proxy import welded
 from scenegen.truth import Looks, Truth
 
-from bench.common import Table, table, truth_options
+from bench.common import Table, side_by_side, table, truth_options
 from bench.truth_captures import Captured, Size, capture
 from bench.truth_rows import WHOLE_PIXEL
 from bench.truth_scores import decibels, shown, squared_error
@@ -149,11 +148,9 @@ class Shine:
                     shown_as = name if way.gloss else f"{name}, `sh = {way.sh}`"
                     yield [lighting.name, shown_as, *(f"{decibels(error[x]):.1f}" for x in zones.values())]
             if out is not None:
-                out.mkdir(parents=True, exist_ok=True)
                 side = [x[k][0] for x in made.values()] + [(truth[0] + truth[1]) / 2]
                 name = f"{self.capture.name}.{lighting.name}.png".replace(" ", "-")
-                picture = np.rint(255 * shown(np.concatenate(side, axis=1))).astype(np.uint8)
-                Image.fromarray(picture).save(out / name)
+                side_by_side(out / name, [shown(x) for x in side])
 
 
 def _surface(looks: Looks) -> ProxyMesh:

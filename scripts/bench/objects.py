@@ -22,12 +22,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scenegen.geometry import Soup, soups
 from scenegen.truth import Looks, Truth
 from scipy import ndimage
 
-from bench.common import Table, least, table, truth_options
+from bench.common import Table, least, side_by_side, table, truth_options
 from bench.objects_truth import Thing, bsdf, covered_by, seen_along, surface, things
 from bench.truth_scores import Halves, decibels, shown, squared_error
 from bench.truth_store import ROOT, Store
@@ -241,10 +240,7 @@ class Yard:
                 [*label, *(f"{mean[zone].mean() / true[zone].mean():.3f}" for zone in zones.values())],
             )
             if pictures is not None:
-                pictures.mkdir(parents=True, exist_ok=True)
-                side = np.concatenate([shown(mean), shown(true)], axis=1)
-                name = f"{lighting.name} {way}.png".replace(" ", "-")
-                Image.fromarray(np.rint(255 * side).astype(np.uint8)).save(pictures / name)
+                side_by_side(pictures / f"{lighting.name} {way}.png".replace(" ", "-"), [shown(mean), shown(true)])
 
     def costs(self, lighting: Lighting) -> Iterator[tuple[str, str, str]]:
         """CPU time of a trace with the objects over that of one without, and how much of the picture shows them."""

@@ -15,11 +15,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scenegen.truth import Truth
 from trained_scene import recipe
 
-from bench.common import Table, path, table
+from bench.common import Table, path, side_by_side, table
 from bench.modes import decibels, opened, shown, truth
 from mirelight.io import job as jobs
 from mirelight.model import Job
@@ -51,9 +50,7 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
         true = shown(truth("plinth", lighting.name, size))
         frames = [capture, *(shown(stages.frame(scene, camera, lighting).rgba) for scene in ways.values())]
         if pictures is not None:
-            pictures.mkdir(parents=True, exist_ok=True)
-            sheet = np.concatenate([*frames, true], axis=1)
-            Image.fromarray((sheet * 255 + 0.5).astype(np.uint8)).save(pictures / f"{lighting.name}.png")
+            side_by_side(pictures / f"{lighting.name}.png", [*frames, true])
         yield lighting.name, *(decibels(x[surface], true[surface]) for x in frames)
         yield f"{lighting.name}, whole picture", *(decibels(x, true) for x in frames)
 

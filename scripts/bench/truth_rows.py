@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from PIL import Image
 
+from bench.common import side_by_side
 from bench.truth_captures import Captured
 from bench.truth_scores import F32, Bool, Score, edges_of, mean, score
 from bench.truth_seen import seen_of
@@ -351,7 +352,8 @@ class Bench:
                 cut = f"{way.indirect}.{way.scale}x{way.spp}.{denoised}"
                 name = f"{capture.name}.{lighting.name}.{mode}.{surface}.{known}.{cut}"
                 parts = [(before[0] + before[1]) / 2, before[0] * factor, unlit * factor, (truth[0] + truth[1]) / 2]
-                _write(self._pictures / f"{name.replace(' ', '-').replace('%', 'p')}.png", parts)
+                path = self._pictures / f"{name.replace(' ', '-').replace('%', 'p')}.png"
+                side_by_side(path, [np.asarray(srgb_encode(np.clip(x, 0, 1))) for x in parts])
         made = mean(scores)
         self._say(
             f"  {capture.name} {mode} {surface} {known} {way.label} {'denoised' if denoised else ''}: "
@@ -392,9 +394,3 @@ def _filled(tracer: Tracer, lightings: Sequence[Lighting]) -> Sequence[SurfaceCa
 def _there(factor: F32 | None) -> F32:
     assert factor is not None
     return factor
-
-
-def _write(path: Path, parts: Sequence[F32]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    shown = np.concatenate([np.asarray(srgb_encode(np.clip(x, 0, 1))) for x in parts], axis=1)
-    Image.fromarray(np.round(255 * shown).astype(np.uint8)).save(path)

@@ -10,70 +10,25 @@ the extras `denoise` and `compare`; takes about fifteen minutes on two cores.
 from __future__ import annotations
 
 import argparse
-import io
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from page_pictures import ROOT, Pixels, Tiles, Work, clay, laid_out, part, picture, resized, run, unlit, written
 
-from mirelight import cli
 from mirelight.base.errors import MirelightError
 from mirelight.base.sh import C0
 from mirelight.io.atomic import atomic_path
-from mirelight.io.sheet import Tile, write_sheet
 
-if TYPE_CHECKING:
-    from PIL import Image
-
-ROOT = Path(__file__).resolve().parents[1]
 JOBS = ROOT / "docs" / "gallery"
 TRUTH = ROOT / "scenes" / "courtyard" / "truth" / "front.evening.png"
 CLIP = ROOT / "docs" / "pictures" / "courtyard.webp"  # the only film
 CARD = CLIP.with_name("card.jpg")  # what is shown of a link to the site
-MOST_BYTES = 60_000  # of a picture: a page of a dozen still loads at once
-
-Pixels = NDArray[np.uint8]  # (H, W, 3) display values
-Tiles = list[tuple[str, Pixels]]
-
-
-@dataclass(frozen=True, slots=True)
-class Work:
-    """One picture in the making."""
-
-    job: Path
-    folder: Path  # of its frames
-    settings: Sequence[str] = ()  # laid over the job: KEY=VALUE
-
-    @property
-    def overrides(self) -> list[str]:
-        return [x for setting in self.settings for x in ("--set", setting)]
-
-    def render(self, *choice: str) -> None:
-        """Its frames, or those that are chosen."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        run("render", self.job, "-o", self.folder, "-q", *choice, *self.overrides)
-
-    def frames(self) -> list[tuple[str, Path]]:
-        """Name of the lighting and file of every frame that is there, in the job's order."""
-        from mirelight.io.job import load
-        from mirelight.io.job.overrides import parse
-
-        job = load(self.job, [parse(x) for x in self.settings])
-        names = [(y.name, f"{x.name}.{y.name}.png") for x in job.cameras for y in job.lightings]
-        return [(lighting, self.folder / name) for lighting, name in names if (self.folder / name).is_file()]
-
-
-def run(*arguments: str | Path) -> None:
-    """A command of mirelight."""
-    words = [str(x) for x in arguments]
-    if code := cli.main(words):
-        raise MirelightError(f"`mirelight {' '.join(words)}` ended with exit code {code}")
 
 
 # --- what a picture shows --------------------------------------------------------------------------------------------
@@ -159,13 +114,11 @@ def parts(work: Work) -> Tiles:
 
 def closer(work: Work) -> Tiles:
     """The well and the arcade: captured, by a tint, by the ratio, true."""
-    tint = replace(work, folder=work.folder / "tint", settings=(*work.settings, 'relight.mode="tint"'))
-    tint.render()
-    path = work.frames()[0][1]
+    tint, path = work.again("tint", 'relight.mode="tint"'), work.frames()[0][1]
     truth = np.asarray(resized(picture(TRUTH), picture(path).shape))
     tiles = (
         ("as captured", unlit(path)),
-        ("tint: the shade of the capture stays", picture(tint.frames()[0][1])),
+        ("tint: the shade of the capture stays", picture(tint)),
         ("ratio of new to captured light", picture(path)),
         ("path-traced truth", truth),
     )
@@ -193,22 +146,6 @@ def exported(work: Work) -> Tiles:
     return [("", picture(work.folder / "set" / "sheet.jpg"))]
 
 
-def unlit(path: Path) -> Pixels:
-    """The capture in a frame's EXR."""
-    from mirelight.io.exr import read_exr
-    from mirelight.io.png import encode_display
-    from mirelight.model import DisplaySettings
-
-    return encode_display(read_exr(path.with_suffix(".exr")).layer("unlit"), DisplaySettings())
-
-
-def clay(normal: NDArray[np.float32]) -> Pixels:
-    """A mesh of normals (H, W, 3), 0 where it is not, lit by a lamp beside the camera's shoulder."""
-    slope = np.clip(normal @ np.array([-0.4, 0.5, 0.77], np.float32), 0, 1)
-    shown = 255 * (0.12 + 0.8 * slope[..., None] * np.ones(3)) * (np.abs(normal).sum(-1) > 0)[..., None]
-    return np.asarray(np.rint(shown), np.uint8)
-
-
 def before_and_after(work: Work) -> Tiles:
     """The capture and the frame."""
     path = work.frames()[0][1]
@@ -225,11 +162,9 @@ def gloss(work: Work) -> Tiles:
 
 def glaze(work: Work) -> Tiles:
     """The knot: matt, with its glaze, true."""
-    matt = replace(work, folder=work.folder / "matt", settings=(*work.settings, "relight.gloss=false"))
-    matt.render()
-    path = work.frames()[0][1]
+    matt, path = work.again("matt", "relight.gloss=false"), work.frames()[0][1]
     truth = picture(ROOT / "scenes" / "stage" / "truth" / path.name)
-    tiles = (("matt", picture(matt.frames()[0][1])), ("with gloss", picture(path)), ("path-traced truth", truth))
+    tiles = (("matt", picture(matt)), ("with gloss", picture(path)), ("path-traced truth", truth))
     return [(name, part(pixels, (0.35, 0.06, 0.59, 0.48))) for name, pixels in tiles]
 
 
@@ -247,26 +182,14 @@ def clipped(work: Work) -> Tiles:
     shown = np.clip(0.5 + C0 * cloud.sh[:, 0], 0, 1)
     light = np.minimum(4 * colour.decode(shown, "srgb"), 1)
     splats.write(replace(cloud, sh=((colour.encode(light, "srgb") - 0.5) / C0)[:, None]), bright)
-    again = replace(
-        work,
-        folder=work.folder / "bright",
-        settings=(*work.settings, f'splats="{bright.as_posix()}"', "captured.environment.intensity=4"),
-    )
-    again.render()
-    good, bad = work.frames()[0][1], again.frames()[0][1]
+    good = work.frames()[0][1]
+    bad = work.again("bright", f'splats="{bright.as_posix()}"', "captured.environment.intensity=4")
     tiles = (
         ("overexposed capture", unlit(bad)),
         ("relit", picture(bad)),
         ("from the capture as shipped", picture(good)),
     )
     return [(name, part(pixels, (0.37, 0.5, 0.63, 0.86))) for name, pixels in tiles]
-
-
-def part(pixels: Pixels, box: tuple[float, float, float, float]) -> Pixels:
-    """A part of a picture, box: left, top, right, bottom as shares of its sides."""
-    height, width = pixels.shape[:2]
-    left, top, right, bottom = (round(x * y) for x, y in zip(box, (width, height, width, height), strict=True))
-    return np.asarray(resized(pixels[top:bottom, left:right], (2 * (bottom - top), 2 * (right - left))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,21 +257,6 @@ TUTORIALS: dict[str, Kind] = {
 # --- drawing ---------------------------------------------------------------------------------------------------------
 
 
-def picture(path: Path) -> Pixels:
-    """(H, W, 3) display values of a file."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"), dtype=np.uint8)
-
-
-def resized(pixels: Pixels, shape: tuple[int, ...]) -> Image.Image:
-    """A picture at (height, width, …)."""
-    from PIL import Image
-
-    return Image.fromarray(pixels).resize((shape[1], shape[0]), Image.Resampling.LANCZOS)
-
-
 def job_of(name: str, kind: Kind, folder: Path) -> Path:
     """The job file of a picture; one that stands on a page is written into `folder`, with the scenes' full paths."""
     if not kind.page:
@@ -370,25 +278,8 @@ def draw(name: str, kind: Kind, work: Work, out: Path) -> Path:
     if kind.columns == 1:
         pixels = tiles[0][1]
     else:
-        rows = [tiles[i : i + kind.columns] for i in range(0, len(tiles), kind.columns)]
-        sheet = work.folder / "sheet.png"
-        write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in row] for row in rows], size=kind.width)
-        pixels = picture(sheet)
+        pixels = laid_out(tiles, kind.columns, kind.width, work.folder / "sheet.png")
     return written(pixels, out / f"{name}.jpg")
-
-
-def written(pixels: Pixels, path: Path) -> Path:
-    """As the best JPEG within `MOST_BYTES`."""
-    from PIL import Image
-
-    for quality in range(92, 20, -4):
-        stream = io.BytesIO()
-        Image.fromarray(pixels).save(stream, "JPEG", quality=quality, optimize=True, progressive=True)
-        if stream.tell() <= MOST_BYTES:
-            break
-    with atomic_path(path) as fresh:
-        fresh.write_bytes(stream.getvalue())
-    return path
 
 
 def clip(work: Work) -> Path:

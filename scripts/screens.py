@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gallery import run
+from page_pictures import ROOT, run
 
 from mirelight.apps.realtime import browser
 from mirelight.base.errors import MirelightError
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from PIL import Image
     from playwright.sync_api import Page
 
-ROOT = Path(__file__).resolve().parents[1]
 STILL_LIFE = ROOT / "mirelight" / "apps" / "demo" / "scene"
 PICTURES = ROOT / "docs" / "pictures"
 WORK = ROOT / "out" / "screens"

@@ -18,11 +18,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import gallery
+from page_pictures import ROOT, picture, written
 
 from mirelight.io.atomic import atomic_path
 
-ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "tutorials" / "first-capture.md"
 PICTURE = ROOT / "docs" / "gallery" / "first.jpg"
 CAPTURE = ROOT / "scenes" / "stage" / "splats.compressed.ply"
@@ -60,7 +59,7 @@ def main() -> int:
         text = re.sub(r"[ \t]+$", "", said(command, folder), flags=re.MULTILINE)
         session += f"$ {command}\n{text}\n"
         print(f"$ {command}\n{text}", flush=True)
-    gallery.written(gallery.picture(folder / "out" / "first.sun.png"), PICTURE)
+    written(picture(folder / "out" / "first.sun.png"), PICTURE)
     page = with_session(PAGE.read_text(encoding="utf-8"), session.rstrip("\n") + "\n")
     with atomic_path(PAGE) as temporary:
         temporary.write_text(page, encoding="utf-8")

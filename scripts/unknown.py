@@ -11,14 +11,12 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import redirect_stdout
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-from gallery import ROOT, Pixels, Tiles, Work, clay, part, picture, run, unlit, written
+from page_pictures import ROOT, Pixels, Tiles, Work, clay, laid_out, part, picture, run, unlit, written
 
 from mirelight.base.errors import MirelightError
-from mirelight.io.sheet import Tile, write_sheet
 from mirelight.model import Camera, DisplaySettings, Lighting, ProxyMesh, RenderSettings, SunLight
 
 WIDTH, HEIGHT = 480, 270
@@ -166,10 +164,10 @@ def main() -> int:
             work = commands(capture, ROOT / "out" / "unknown" / name)
             work = Work(work.job, work.folder, lit(work))
             work.render("--camera", "first")
-            sheet = work.folder / "sheet.png"
-            write_sheet(sheet, [[Tile(partial(np.asarray, p), t) for t, p in strip(work)]], size=260)
+            tiles = strip(work)
+            sheet = laid_out(tiles, len(tiles), 260, work.folder / "sheet.png")
             arguments.out.mkdir(parents=True, exist_ok=True)
-            print(written(picture(sheet), arguments.out / f"{name}.jpg"), flush=True)
+            print(written(sheet, arguments.out / f"{name}.jpg"), flush=True)
     except MirelightError as error:
         print(f"unknown: {error}", file=sys.stderr)
         return 2

@@ -316,7 +316,7 @@ def _clean(picture: F32, surface: F32) -> F32:
     import pyoidn  # type: ignore[import-untyped]
 
     color, albedo, normal = (np.ascontiguousarray(x[..., :3], np.float32) for x in (picture, surface, surface[..., 3:]))
-    return np.maximum(pyoidn.denoise(color, albedo=albedo, normal=normal, hdr=True), 0)
+    return np.asarray(np.maximum(pyoidn.denoise(color, albedo=albedo, normal=normal, hdr=True), 0))
 
 
 def _inserted(thing: Thing, soup: Soup) -> Inserted:

@@ -59,7 +59,7 @@ def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: fl
     """The ceiling that pictures of a room end below; None: this is no such room.
 
     It is as high over the floor as a third more than the highest camera, as people hold cameras in rooms; no lower than
-    what was seen.
+    what was seen. Walls that are seen to stand twice as high as that camera are a courtyard's.
 
     Args:
         soup: the surface.
@@ -76,7 +76,10 @@ def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: fl
             continue
         heights = pictures.eyes @ up
         seen = float(np.quantile(soup.vertices @ up, TUNING.ceiling_seen))
-        height = max(seen, floor + TUNING.ceiling_over * (float(heights.max()) - floor))
+        highest = float(heights.max()) - floor
+        if seen > floor + TUNING.ceiling_most * highest:  # a room's ceiling would be in the pictures
+            continue
+        height = max(seen, floor + TUNING.ceiling_over * highest)
         walls = tuple(
             (normal, offset)
             for plane, normal, offset in fronts

@@ -158,6 +158,7 @@ class Tuning:
     beyond_marks: int = 8  # of the surface, to an area of a cell
     # ceilings above all pictures (`ceiling`)
     ceiling_over: float = 4 / 3  # of the highest camera's height over the floor
+    ceiling_most: float = 2.0  # of that height: what is seen to be higher is no room without one
     ceiling_seen: float = 0.999  # of the surface, that lies lower
     ceiling_upright: float = 0.7  # of the cameras' up, on the mean, that is the floor's
     ceiling_top: float = 0.98  # of a wall, that lies lower: its top is above a quarter of the cameras

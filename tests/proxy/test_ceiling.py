@@ -74,6 +74,7 @@ def test_a_room_gets_a_ceiling_a_third_higher_than_its_cameras() -> None:
         pytest.param(room(1.8, sides=3), 0.8, id="a side without a wall"),
         pytest.param(room(0.0, sides=0), 0.8, id="a floor alone"),
         pytest.param(room(3.0), 2.6, id="cameras that look up"),
+        pytest.param(room(3.4), 0.8, id="a courtyard: walls twice as high as the cameras"),
     ],
 )
 def test_others_get_none(soup: Soup, aim: float) -> None:

@@ -151,6 +151,14 @@ PLANS = (
         ("low sun", "clouds", "lamp"),
         shooting=Shooting(sky=True, iterations=1600, most=60_000),
     ),
+    _Plan(
+        "park",
+        "park",
+        "park, trained",
+        "clear day",
+        ("low sun", "clouds", "lamp"),
+        shooting=Shooting(sky=True, iterations=1600, most=60_000),
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -165,6 +173,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
     "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
+    "park": ((2.3, 1.3, 2.4), (0.0, 0.55, 0.2), 46),
 }
 
 

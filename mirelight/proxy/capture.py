@@ -52,7 +52,8 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     )
     if len(kept) > TUNING.capture_most_splats:
         kept = joined(kept, TUNING.capture_most_splats)
-    spacing = _spacing(kept.means.astype(np.float64))
+    means = kept.means.astype(np.float64)
+    spacing = spacing_of(means, means[:: max(len(means) // TUNING.capture_sample, 1)])
     if not spacing > 0:
         raise InputError(source, "most splats lie in the same place as another", "check the file")
     if np.median(np.sort(kept.scales, axis=1)[:, 1]) < TUNING.capture_points * spacing:
@@ -105,8 +106,9 @@ def take(splats: SplatCloud, rows: Int) -> SplatCloud:
     )
 
 
-def _spacing(means: F64) -> float:
-    return float(np.median(_sixth(means, means[:: max(len(means) // TUNING.capture_sample, 1)]))) / 1.8
+def spacing_of(means: F64, asked: F64) -> float:
+    """The median distance between neighbours among points (N, 3) of a surface, around some of them (M, 3)."""
+    return float(np.median(_sixth(means, asked))) / 1.8
 
 
 def density(means: F64) -> F64:

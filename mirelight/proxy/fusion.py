@@ -30,25 +30,27 @@ class Grid:
     distance: F32  # (M,) signed, positive outside, at most TRUNCATION cells
 
 
-def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgress) -> Grid:
+def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgress, middle: F64 | None = None) -> Grid:
     """One mesh from many depth maps.
 
-    Where a sheet thinner than a few cells is seen from both sides, the views on the side of the origin count, as a
+    Where a sheet thinner than a few cells is seen from both sides, the views on the side of the middle count, as a
     floor or a wall has its scene on that side; their average would be no surface at all. But where none looks from
     inside and nearly all from the other side, it is a hollow thing's, into which few views see, from below.
 
     Args:
         views: the maps.
-        half: (3,) half extents of the box about the origin that the grid fills.
+        half: (3,) half extents of the box that the grid fills.
         cell: distance of nodes; made larger where the grid would have more than `MOST_NODES`.
         progress: called after each view.
+        middle: (3,) of the box; None: the origin.
     """
+    middle = np.zeros(3) if middle is None else middle
     cell = max(cell, float((8 * np.prod(half) / MOST_NODES) ** (1 / 3)))
     size = np.ceil(2 * (half + (TUNING.fused_truncation + 1) * cell) / cell).astype(int) + 1
     shape = (int(size[0]), int(size[1]), int(size[2]))
-    low = -(size - 1) * cell / 2
-    inside = any((np.abs(view.camera.position) < half).all() for view in views)
-    clean = _one_sided(views, TUNING.fused_sheet * cell, inside)
+    low = middle - (size - 1) * cell / 2
+    inside = any((np.abs(view.camera.position - middle) < half).all() for view in views)
+    clean = _one_sided(views, TUNING.fused_sheet * cell, middle, inside)
     nodes = _near_surface(clean, low, cell, shape)
     at = (np.stack(np.unravel_index(nodes, shape), axis=1) * cell + low).astype(np.float32)
     total, weight = np.zeros(len(nodes), np.float32), np.zeros(len(nodes), np.float32)
@@ -118,13 +120,13 @@ class _Planes:
         return distance, weight
 
 
-def _one_sided(views: Sequence[DepthMap], cell: float, inside: bool) -> list[DepthMap]:
+def _one_sided(views: Sequence[DepthMap], cell: float, middle: F64, inside: bool) -> list[DepthMap]:
     """The maps without pixels that see the far side of a sheet thinner than `cell`."""
     found = [points_of(view) for view in views]
     points, normals = np.concatenate([p for p, _, _ in found]), np.concatenate([n for _, n, _ in found])
     if not len(points):
         return list(views)
-    side = (points * normals).sum(axis=1) < 0  # facing the origin
+    side = ((points - middle) * normals).sum(axis=1) < 0  # facing it
     kept = inside | ~_mostly(_voxel(points / (TUNING.sheet_around * cell)), ~side)
     drop = np.zeros(len(points), bool)
     for offset in (0.0, 0.5):  # both sides of a sheet may fall into two voxels of one grid, not of both

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,9 @@ from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
-from mirelight.proxy.flats import flats_of, on_flats
-from mirelight.proxy.fusion import fuse
+from mirelight.proxy.detail import Core, core_of, others, with_core
+from mirelight.proxy.flats import Flat, flats_of, on_flats
+from mirelight.proxy.fusion import Grid, fuse
 from mirelight.proxy.ground import carried_on
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
@@ -94,8 +95,11 @@ def make(
         report("smoothing depth maps", 0.4)
         views = [slanted(view, capture.spacing) for view in views]
         if there:
-            views = agreed(views, settings, capture.spacing, part(report, 0.45, 0.6), guessed=not cameras)
-        soup, shown = _fused(capture, views, part(report, 0.6, 0.9))
+            views = agreed(views, settings, capture.spacing, part(report, 0.4, 0.55), guessed=not cameras)
+        found = _fused(capture, views, part(report, 0.55, 0.75))
+        soup, shown = found.soup, [] if found.fog else found.views
+        if there and (core := core_of(capture, there)):
+            soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
     if not len(soup.faces):
         raise InputError(source, "no surface was found in it", "a capture of fog or of scattered splats has no proxy")
     if settings.triangles is not None:
@@ -135,9 +139,18 @@ def _method(capture: Capture, settings: ProxySettings) -> Method:
     return settings.method if settings.method != "auto" else "cells" if capture.surfels else "depth"
 
 
-def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> tuple[Soup, list[DepthMap]]:
-    """By smoothed depth maps, each point of the surface in some of them; and the maps as they were joined, where all
-    that they show is a surface: none of a capture with a sky."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fused:
+    """A surface, and what it was made of."""
+
+    soup: Soup
+    views: list[DepthMap]  # as they were joined
+    flats: list[Flat]
+    fog: float  # of a capture with a sky, of which views show more than surfaces; else 0
+
+
+def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> _Fused:
+    """By smoothed depth maps, each point of the surface in some of them."""
     report("finding planes", 0.0)
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
@@ -151,10 +164,37 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> tu
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8))
     report("finding the surface", 0.8)
-    soup = on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, cell)
+    soup = _surface(grid, flats)
     for window in windows:
         soup = soup.beside(window.solid())
-    return soup, [] if fog else views
+    return _Fused(soup, views, flats, fog)
+
+
+def _surface(grid: Grid, flats: Sequence[Flat]) -> Soup:
+    return on_flats(smoothed(closed(without_crumbs(surface_of(grid)))), flats, grid.cell)
+
+
+def _detailed(
+    capture: Capture,
+    core: Core,
+    found: _Fused,
+    settings: ProxySettings,
+    report: ShareProgress,
+    *,
+    guessed: bool,
+) -> Soup:
+    """The surface with what most pictures show in cells of its own."""
+    report("looking closer", 0.0)
+    margin = TUNING.detail_margin * capture.spacing
+    maps = DepthMaps(replace(capture, spacing=core.spacing), settings)
+    views = [core.alone(slanted(maps.of(camera), core.spacing), margin) for camera in core.cameras]
+    views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
+    tolerance = TUNING.plane_tolerance * core.spacing
+    more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
+    flats = [*found.flats, *more]
+    views = [flattened(view, flats, tolerance, found.fog) for view in views]
+    grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
+    return with_core(found.soup, _surface(grid, flats), core, TUNING.cell * capture.spacing)
 
 
 def _inside(

@@ -62,9 +62,47 @@ def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
     Tiny pictures are enlarged: splats are never narrower than a pixel, and stand out of their surface.
     """
-    chosen = [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // TUNING.view_most)]]
-    share = min((TUNING.view_all_pixels / sum(x.width * x.height for x in chosen)) ** 0.5, 1.0)
-    return tuple(x.scaled(share) for x in chosen)
+    return _together([_enlarged(camera) for camera in cameras[:: -(-len(cameras) // TUNING.view_most)]])
+
+
+def close_ups(cameras: Sequence[Camera], low: F64, high: F64) -> tuple[Camera, ...]:
+    """The same of :func:`fewer`'s, but of what is seen of a box alone: in as many pixels it is seen closer.
+
+    Args:
+        cameras: the capture's.
+        low, high: (3,) corners of the box.
+    """
+    whole = [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // TUNING.view_most)]]
+    frames = np.array([_frame(camera, low, high) for camera in whole])
+    width, height = (int(x) for x in np.ceil(frames[:, 2:] - frames[:, :2]).max(axis=0))
+    return _together([_cut(x, frame, width, height) for x, frame in zip(whole, frames, strict=True)])
+
+
+def _frame(camera: Camera, low: F64, high: F64) -> F64:
+    """(4,) left, top, right and bottom in pixels of what a picture shows of a box; all of it where that reaches to
+    behind the eye."""
+    size = np.array([camera.width, camera.height], np.float64)
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    own = turned(corners - camera.position, camera.camera_from_world[:3, :3])
+    if camera.projection == "perspective" and (own[:, 2] > -camera.near).any():
+        return np.concatenate([[0, 0], size])
+    w = -own[:, 2:] if camera.projection == "perspective" else np.ones((8, 1))
+    at = [camera.cx, camera.cy] + [camera.fx, -camera.fy] * own[:, :2] / w
+    return np.concatenate([np.clip(at.min(axis=0), 0, size - 1), np.clip(at.max(axis=0), 1, size)])
+
+
+def _cut(camera: Camera, frame: F64, width: int, height: int) -> Camera:
+    """So many pixels of a picture, or all where it is smaller, about the middle of a frame."""
+    width, height = min(width, camera.width), min(height, camera.height)
+    left, top = (frame[:2] + frame[2:] - [width, height]) / 2
+    left = int(np.clip(round(left), 0, camera.width - width))
+    top = int(np.clip(round(top), 0, camera.height - height))
+    return replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
+
+
+def _together(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
+    share = min((TUNING.view_all_pixels / sum(x.width * x.height for x in cameras)) ** 0.5, 1.0)
+    return tuple(x.scaled(share) for x in cameras)
 
 
 def _enlarged(camera: Camera) -> Camera:

@@ -1,0 +1,117 @@
+"""A thing amid its surroundings, whose splats lie much closer than theirs, has cells of its own."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mirelight.model import Camera, SplatCloud
+from mirelight.proxy import make
+from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.detail import Core, core_of, with_core
+from mirelight.proxy.types import ProxySettings, Soup
+from mirelight.proxy.views import moved
+
+from .clouds import F64, ball, box_shell, on_surface, square
+
+RADIUS = 0.3  # of the thing
+STEP = 0.14  # of the ground's splats, 9 x 9
+SETTINGS = ProxySettings(method="depth")
+
+
+def beside(one: SplatCloud, other: SplatCloud) -> SplatCloud:
+    return SplatCloud(
+        means=np.concatenate([one.means, other.means]),
+        quats=np.concatenate([one.quats, other.quats]),
+        scales=np.concatenate([one.scales, other.scales]),
+        opacities=np.concatenate([one.opacities, other.opacities]),
+        sh=np.concatenate([one.sh, other.sh]),
+    )
+
+
+def small_ball(count: int) -> SplatCloud:
+    """It touches the ground at y = 0."""
+    big = ball(count)
+    means = (RADIUS * big.means + np.array([0, RADIUS, 0])).astype(np.float32)
+    return replace(big, means=means, scales=RADIUS * big.scales)
+
+
+def yard(count: int) -> SplatCloud:
+    points, normals = square(9.0, STEP, 1, 0.0)
+    return beside(on_surface(points, normals, 0.7 * STEP, thin=0.3), small_ball(count))
+
+
+def walk() -> list[Camera]:
+    """Round the ball; the ground's ends are in some pictures each."""
+    turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    return [
+        Camera.look_at((1.6 * np.cos(a), 0.9, 1.6 * np.sin(a)), (0, RADIUS, 0), 180, 120, yfov=45, name=f"{k}")
+        for k, a in enumerate(turns)
+    ]
+
+
+def core(cloud: SplatCloud, cameras: list[Camera]) -> tuple[Core | None, F64]:
+    capture = look_at_capture(cloud, "test")
+    return core_of(capture, [moved(x, -capture.middle) for x in cameras]), capture.middle
+
+
+def test_what_most_pictures_show_is_found_with_its_spacing() -> None:
+    found, middle = core(yard(3000), walk())
+    assert found is not None
+    ball_ = small_ball(3000).means - middle
+    assert found.holds(ball_.astype(np.float64), 0.02).all()
+    assert (found.high - found.low)[[0, 2]].max() < 4.5  # of 9
+    assert found.spacing < 0.5 * STEP
+
+
+@pytest.mark.parametrize(
+    ("cloud", "cameras"),
+    [
+        pytest.param(yard(60), walk(), id="a thing no finer than its surroundings"),
+        pytest.param(
+            box_shell(4.0, 0.1, thin=0.3),
+            [Camera.look_at((0, 0, 0), (np.cos(a), 0, np.sin(a)), 120, 80, yfov=50) for a in np.arange(0, 6.2, 0.4)],
+            id="a room from its midst",
+        ),
+    ],
+)
+def test_nothing_is_looked_at_closer_where_all_is_as_fine(cloud: SplatCloud, cameras: list[Camera]) -> None:
+    assert core(cloud, cameras)[0] is None
+
+
+def test_a_core_takes_the_place_of_what_was_there() -> None:
+    x = np.linspace(-2, 2, 41)
+    u, v = np.meshgrid(x, x, indexing="ij")
+    i = np.arange(41 * 41).reshape(41, 41)
+    faces = np.concatenate(
+        [
+            np.stack(c, -1).reshape(-1, 3)
+            for c in ((i[:-1, :-1], i[1:, :-1], i[1:, 1:]), (i[:-1, :-1], i[1:, 1:], i[:-1, 1:]))
+        ]
+    )
+    whole, fine = (Soup(np.stack([u.ravel(), np.full(u.size, h), v.ravel()], -1), faces) for h in (0.0, 0.01))
+    made = with_core(whole, fine, Core(np.full(3, -1.0), np.full(3, 1.0), (), 0.05), 0.1)
+    middle = made.vertices[made.faces].mean(axis=1)
+    inside, fine_ = (np.abs(middle[:, [0, 2]]) < 0.85).all(axis=1), middle[:, 1] > 0.005
+    assert fine_[inside].all() and not fine_[(np.abs(middle[:, [0, 2]]) > 1).any(axis=1)].any()
+    for k in range(2):  # along a line through the middle nothing is missing
+        on = np.abs(middle[:, 2 * (1 - k)]) < 0.1
+        assert np.diff(np.sort(middle[on, 2 * k])).max() < 0.1
+
+
+def test_a_small_thing_is_round_on_a_wide_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its radius, where the surface stands free of the ground: off by a third of what it was off, and less."""
+    off = []
+    for found in (True, False):
+        with monkeypatch.context() as patch:
+            if not found:
+                patch.setattr(sys.modules["mirelight.proxy.make"], "core_of", lambda *_: None)
+            made = make(yard(3000), SETTINGS, cameras=walk())
+        at = made.mesh.vertices[np.unique(made.mesh.faces[: len(made.mesh.faces) - made.unseen])].astype(np.float64)
+        away = np.linalg.norm(at - [0, RADIUS, 0], axis=1)
+        near = (away < 2 * RADIUS) & (at[:, 1] > 0.25)
+        off.append(float(np.median(np.abs(away[near] - RADIUS))))
+    assert off[0] < off[1] / 3

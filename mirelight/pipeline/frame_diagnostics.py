@@ -87,17 +87,19 @@ def of_frame(
     return tuple(found)
 
 
-def of_colors(met: float, lit: bool) -> Finding | None:
+def of_colors(met: float, lit: bool, *, own: bool = False) -> Finding | None:
     """What is wrong with colours that a proxy takes from the splats.
 
     Args:
         met: share of the proxy's area on which splats lie.
         lit: whether the captured light falls on any of them.
+        own: whether the proxy was made from the splats: it lies where they are, and what it has beyond them (ground
+            to the horizon, what closes it against light) is meant.
     """
     if not lit:
         text = 'no captured light falls on the splats, so their colours (albedo = "splats") cannot be told'
         return Finding("colours", text, "look at the captured lighting, or give the proxy an albedo")
-    if met < LEAST_MET:
+    if met < LEAST_MET and not own:
         text = (
             f'splats lie on {met:.1%} of the proxy\'s surface, and colours of the rest (albedo = "splats") are guessed'
         )

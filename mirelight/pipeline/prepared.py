@@ -150,7 +150,7 @@ class Prepared:
         colors = self.kept.get(self.keys.proxy, ARRAY)
         if colors is None:
             found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render, self.views)
-            finding = frame_diagnostics.of_colors(found.met, found.lit)
+            finding = frame_diagnostics.of_colors(found.met, found.lit, own=job.made_proxy is not None)
             if finding is not None:
                 self._tell(str(finding))
             colors = found.values

@@ -141,3 +141,11 @@ def test_a_capture_that_is_black(right: tuple[Scene, Frame]) -> None:
     lamp = unlit.copy()
     lamp[20:30, 60:90, :3] = frame.unlit[20:30, 60:90, :3]
     assert frame_diagnostics.of_frame(replace(frame, rgba=lamp, unlit=lamp), scene.job.display) == ()
+
+
+def test_a_made_proxys_colours_are_not_blamed_on_transforms() -> None:
+    """It lies where the splats are; ground to the horizon is of it on which hardly any lie."""
+    found = frame_diagnostics.of_colors(0.064, lit=True)
+    assert found is not None and "transforms" in found.remedy
+    assert frame_diagnostics.of_colors(0.064, lit=True, own=True) is None
+    assert frame_diagnostics.of_colors(0.5, lit=False, own=True) is not None

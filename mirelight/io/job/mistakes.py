@@ -14,7 +14,7 @@ from mirelight.io.job.outline import Outline
 from mirelight.io.job.positions import Path
 from mirelight.io.job.words import closest, shown
 
-_LONGEST = 12  # keys that a message lists
+_LONGEST = 20  # keys that a message lists
 MOST = 100  # mistakes that are worked out; a hundred thousand would take minutes to word
 _GONE = {  # values that settings had once, and what stands in their place
     "near": 'this way is no longer there; use "surface", or "traced", which has no bias',

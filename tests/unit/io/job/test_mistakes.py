@@ -82,7 +82,7 @@ CASES = {
 
 
 def test_the_cases_were_found() -> None:
-    assert len(CASES) == 62
+    assert len(CASES) == 63
 
 
 @pytest.mark.parametrize("name", CASES)

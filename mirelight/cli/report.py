@@ -122,6 +122,17 @@ def _dropped(facts: SplatFacts | JobFacts) -> str:
 
 
 def _mesh(facts: MeshFacts) -> Rows:
+    if facts.triangles or not (facts.lights or facts.cameras):
+        yield from _triangles(facts)
+    else:
+        yield "kind", "lights and cameras without a mesh"
+    yield from _many("light", [_light(x) for x in facts.lights])
+    yield from _many("camera", [_camera(x) for x in facts.cameras])
+    for note in facts.notes:
+        yield "note", note
+
+
+def _triangles(facts: MeshFacts) -> Rows:
     yield "kind", "mesh"
     yield "triangles", f"{facts.triangles:,} ({facts.vertices:,} vertices)"
     present = {"normals": facts.normals, "uvs": facts.uvs, "vertex colours": facts.vertex_colors}
@@ -130,10 +141,6 @@ def _mesh(facts: MeshFacts) -> Rows:
         yield "materials", _listed(facts.materials)
     yield from _box(facts.bounds)
     yield "memory", size(facts.memory)
-    yield from _many("light", [_light(x) for x in facts.lights])
-    yield from _many("camera", [_camera(x) for x in facts.cameras])
-    for note in facts.notes:
-        yield "note", note
 
 
 def _picture(facts: PictureFacts) -> Rows:

@@ -15,6 +15,8 @@ from mirelight.model import ProxyMesh, SplatCloud
 
 from .conftest import Run
 
+LAMP = Path(__file__).resolve().parents[2] / "scenes" / "plinth" / "lamp.glb"
+
 
 def ball(count: int) -> SplatCloud:
     """Discs on a ball of radius 1, turned to the outside."""
@@ -139,3 +141,9 @@ def test_a_glb_is_told_by_its_content(run: Run, tmp_path: Path) -> None:
     (tmp_path / "ball.spz").rename(tmp_path / "ball.glb")
     assert "kind         mesh" in run("inspect", "text.glb").stdout
     assert "kind         splats, SPZ" in run("inspect", "ball.glb").stdout
+
+
+def test_a_file_of_lights_alone_is_not_called_a_mesh(run: Run) -> None:
+    said = run("inspect", str(LAMP)).stdout
+    assert "kind         lights and cameras without a mesh" in said
+    assert "light        lamp: point, 3.2 cd" in said and "triangles" not in said and "memory" not in said

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from mirelight.model import F64, SplatCloud
 from mirelight.proxy.guessed import Guess
 
 LEAST_FLOOR = (
-    0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.22, a thing without one 0.03)
+    0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.20, a thing without one 0.03)
 )
 _MOST_BELOW = 0.05  # share of the area that may lie below it
 _ALIKE = 0.5  # of the floor's share: what a ceiling has at the least
@@ -26,6 +26,9 @@ _AGREE = np.cos(np.radians(20.0))  # cameras and floor that tell ways farther ap
 _BOTH_ALIKE = "floor and ceiling look alike"
 _LOOKS_DOWN = 0.1  # mean cosine between guessed views and an axis that tells which way is up along it
 _LAYER = 1 / 50  # of the extent: how thick a floor is
+_CELL = 1 / 25  # of the largest extent: the side of the cells in which splats cover each other
+_LEVELLED = 2  # times that a plane is laid through a layer
+_WIDE = 5.0  # times as wide as it is thick: a layer that tells how it lies
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
 _SAMPLE = 20_000  # splats that are looked at
@@ -136,8 +139,8 @@ def _floor(cloud: SplatCloud) -> Floor | None:
     area = np.minimum(area, np.quantile(area, 0.99))  # a few huge splats of a sky do not make a floor
     if not area.sum() > 0:
         return None
-    area /= area.sum()
     means = cloud.means[rows].astype(np.float64)
+    area = _seen(means, area * np.count_nonzero(sound) / len(rows))
     found = []
     for way in _ways(normals):
         layer = _lowest(means, normals, area, way)
@@ -149,6 +152,8 @@ def _floor(cloud: SplatCloud) -> Floor | None:
     if floor.share < LEAST_FLOOR:
         return None
     lean, ceiling = _lean(means, normals, area, floor, way)
+    floor = replace(floor, way=_level(floor, means, area))
+    ceiling = ceiling and replace(ceiling, way=_level(ceiling, means, area))
     if ceiling is not None and np.isnan(lean):
         return Floor(floor.way, floor.share, ceiling=True, doubt=_BOTH_ALIKE)
     walls = [x for x in found if abs(x[1] @ way) < 0.5 and x[2].share > _RIVAL * floor.share]
@@ -160,6 +165,36 @@ def _floor(cloud: SplatCloud) -> Floor | None:
         return Floor(floor.way, floor.share, doubt=doubt)
     stood_on = floor if lean > 0 else ceiling
     return Floor(stood_on.way, stood_on.share, ceiling=True, doubt=doubt)
+
+
+def _seen(means: F64, area: F64) -> F64:
+    """Shares of the area (N,) that is left where a cell has no more of it than its side: splats that an optimiser made
+    lie on each other many times over, the more the larger they are, as on plain walls."""
+    low, high = np.quantile(means, [0.005, 0.995], axis=0)
+    side = float(np.max(high - low)) * _CELL
+    if not side > 0:
+        return np.asarray(area / area.sum())
+    # what bounds a scene runs through the middle of cells, not along their sides
+    _, cell = np.unique(np.floor((means - low) / side + 0.5), axis=0, return_inverse=True)
+    held = np.bincount(cell.ravel(), 2 * np.pi * area)  # the integral of a Gaussian print
+    left = area * np.minimum(1, side**2 / np.maximum(held, 1e-300))[cell.ravel()]
+    return np.asarray(left / left.sum())
+
+
+def _level(layer: _Layer, means: F64, area: F64) -> F64:
+    """Normal of the plane through a layer's splats, which lie in it better than each of them is turned; (3,) unit."""
+    way = layer.way
+    for _ in range(_LEVELLED):
+        points, weights = means[layer.on], area[layer.on]
+        height = points @ way
+        middle, most = np.median(height), np.quantile(np.abs(height - np.median(height)), 0.9)
+        near = np.abs(height - middle) <= most  # what stands on it a little does not tilt it
+        about = points[near] - np.average(points[near], axis=0, weights=weights[near])
+        values, vectors = np.linalg.eigh((about * weights[near, None]).T @ about)
+        if not values[1] > _WIDE**2 * values[0]:  # a strip, or no plane
+            return layer.way
+        way = vectors[:, 0] * np.sign(vectors[:, 0] @ layer.way)
+    return np.asarray(way) if way @ layer.way > _ALONG else layer.way
 
 
 def _lean(means: F64, normals: F64, area: F64, floor: _Layer, way: F64) -> tuple[float, _Layer | None]:

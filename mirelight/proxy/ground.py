@@ -35,6 +35,32 @@ def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: floa
     return [replace(whole, lift=_lift(whole, views, tolerance)), *flats[1:]]
 
 
+def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMap], tolerance: float) -> Flat:
+    """A ground that rises and falls, in a box and in finer cells as views of that tell; at its sides it is as before.
+
+    Args:
+        flat: a plane; one that lies even stays as it is.
+        low, high: (3,) corners of the box.
+        cell: side of its cells, world units.
+        views: maps of what is in the box.
+        tolerance: as for :func:`carried_on`.
+    """
+    if flat.lift is None:
+        return flat
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    ends = np.einsum("ni,ki->nk", corners, flat.axes) / cell
+    first = np.floor(ends.min(axis=0)).astype(np.int64)
+    size = np.ceil(ends.max(axis=0)).astype(np.int64) - first + 1
+    bare = Flat(flat.normal, flat.offset, flat.axes, cell, first, np.ones(tuple(size), bool))
+    at = bare.middles
+    before = flat.lifted(at).reshape(tuple(size))
+    own = replace(bare, there=flat.inside(at).reshape(tuple(size)), lift=before)
+    across = np.abs(flat.normal) < TUNING.ground_facing  # sides that stand on it
+    away = np.minimum(at - low, high - at)[:, across].min(axis=1).reshape(tuple(size))
+    share = np.clip(away / (TUNING.ground_fades * tolerance), 0, 1)
+    return replace(own, lift=before + share * _lift(own, views, tolerance))
+
+
 def _lift(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:
     """(I, J) how far the ground lies before its plane: what is surely seen near it, a mean over cells around."""
     from scipy.ndimage import gaussian_filter

@@ -19,7 +19,7 @@ from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
 from mirelight.proxy.detail import Core, core_of, others, with_core
 from mirelight.proxy.flats import Flat, flats_of, on_flats
 from mirelight.proxy.fusion import Grid, fuse
-from mirelight.proxy.ground import carried_on
+from mirelight.proxy.ground import carried_on, closer
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
@@ -189,9 +189,9 @@ def _detailed(
     maps = DepthMaps(replace(capture, spacing=core.spacing), settings)
     views = [core.alone(slanted(maps.of(camera), core.spacing), margin) for camera in core.cameras]
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
-    tolerance = TUNING.plane_tolerance * core.spacing
+    tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
-    flats = [*found.flats, *more]
+    flats = [*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more]
     views = [flattened(view, flats, tolerance, found.fog) for view in views]
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     return with_core(found.soup, _surface(grid, flats), core, TUNING.cell * capture.spacing)

@@ -95,6 +95,8 @@ class Tuning:
     ground_fewest: float = 2e-3  # points a cell, below which the plane is the guess
     ground_even: float = 0.5  # tolerances: what rises less is flat; 0 loses 0.15
 
+    ground_fades: float = 12.0  # tolerances from a box's sides, over which it becomes what was seen closer
+
     cell: float = 0.6  # of the grid that maps are fused in
 
     # what most pictures show (`detail`)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import flats_of
-from mirelight.proxy.ground import carried_on
+from mirelight.proxy.ground import carried_on, closer
 from mirelight.proxy.labels import flattened
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
@@ -67,3 +69,26 @@ def test_a_lawn_lies_lower_than_the_paving_in_it() -> None:
     assert np.quantile(np.abs(at[lawn, 1] - lower), 0.95) < 0.25 * spacing
     rising = np.stack([np.zeros(50), np.zeros(50), -np.linspace(SURE - 0.6, SURE + 0.6, 50)], axis=1)
     assert (np.diff(ground.lifted(rising)) <= 1e-9).all()  # a slope between them, no step
+
+
+def test_a_ground_is_seen_closer_within_a_box_and_as_before_at_its_sides() -> None:
+    """A hump of two fine tolerances that the whole's cells did not tell."""
+    fine, high, half = 0.4 * SPACING, 0.8 * SPACING, 1.2
+    flat = next(x for x in flats_of([view(x, None) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0) if abs(x.offset) < 0.1)
+    everywhere = np.ones_like(flat.there)
+    level = replace(flat, there=everywhere, lift=np.zeros(everywhere.shape))
+    views = []
+    for x in (-1.0, 0.0, 1.0):
+        origins, ways = rays((seen := view(x, None)).camera)
+        depth = (high - origins[..., 1]) / ways[..., 1]
+        at = origins + ways * depth[..., None]
+        there = np.linalg.norm(at[..., [0, 2]], axis=-1) < SURE
+        views.append(replace(seen, depth=np.where(there, depth, 0).astype("f4"), trust=np.ones_like(seen.trust)))
+    corner = np.array([half, 0.5, half])
+    found = closer(level, -corner, corner, 2 * fine, views, fine)
+    side = np.sign(flat.normal[1])
+    ring = half * np.stack([np.cos(np.arange(8)), np.zeros(8), np.sin(np.arange(8))], axis=1)
+    assert side * found.lifted(0.4 * ring) == pytest.approx(high, abs=0.1 * high)
+    rim = np.array([[half, 0, 0], [-half, 0, 0.3], [0.2, 0, half], [0, 0, -half]])
+    np.testing.assert_allclose(found.lifted(rim), 0, atol=0.1 * high)
+    assert closer(flat, -corner, corner, 2 * fine, views, fine) is flat

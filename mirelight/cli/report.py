@@ -14,6 +14,7 @@ from mirelight.apps.inspect.facts import (
     LightFacts,
     LightingFacts,
     MeshFacts,
+    ObjectFacts,
     PictureFacts,
     SplatFacts,
 )
@@ -167,6 +168,7 @@ def _job(facts: JobFacts) -> Rows:
         yield from _lighting("lighting", lighting)
     if facts.captured is not None:
         yield from _lighting("captured", facts.captured)
+    yield from _many("object", [_object(x) for x in facts.objects])
     yield from _many("camera", [_camera(x) for x in facts.cameras])
     yield "frames", f"{facts.frames}, written to {facts.output}"
     yield "memory", f"about {size(facts.memory)} while rendering"
@@ -227,7 +229,14 @@ def _camera(facts: CameraFacts) -> str:
         parts.append(f"{facts.width} x {facts.height} px")
     if facts.aspect is not None:
         parts.append(f"aspect {facts.aspect:g}")
+    if facts.exposure is not None:
+        parts.append(facts.exposure)
     return ", ".join([*parts, "animated"] if facts.animated else parts)
+
+
+def _object(facts: ObjectFacts) -> str:
+    parts = [f"{facts.name}: {facts.triangles:,} triangles", *(row for _, row in _box(facts.bounds))]
+    return ", ".join([*parts, "to be set down on the proxy"] if facts.to_drop else parts)
 
 
 def _box(bounds: Bounds | None) -> Rows:

@@ -147,3 +147,25 @@ def test_a_file_of_lights_alone_is_not_called_a_mesh(run: Run) -> None:
     said = run("inspect", str(LAMP)).stdout
     assert "kind         lights and cameras without a mesh" in said
     assert "light        lamp: point, 3.2 cd" in said and "triangles" not in said and "memory" not in said
+
+
+def test_objects_are_said_where_they_stand_and_lenses_are_said(run: Run, tmp_path: Path) -> None:
+    """Of a cube that falls from 3 units over a floor at height 0.5."""
+    import trimesh
+
+    for name, extents, at in (("floor", (4, 0.2, 4), (0, 0.4, 0)), ("cube", (0.4, 0.4, 0.4), (0, 0, 0))):
+        made = trimesh.creation.box(extents)
+        made.apply_translation(at)
+        mesh = ProxyMesh(vertices=made.vertices.astype(np.float32), faces=made.faces.astype(np.int32))
+        write_glb(tmp_path / f"{name}.glb", mesh)
+    (tmp_path / "job.toml").write_text(
+        'proxy = "floor.glb"\ncaptured = { environment = { radiance = 1.0 } }\n'
+        "[[lights]]\ntype = 'sun'\nelevation = 40\nazimuth = 0\n"
+        "[[cameras]]\nposition = [0, 2, 5]\ntarget = [0, 0.5, 0]\naperture_radius = 0.1\n"
+        "[[objects]]\npath = 'cube.glb'\ndrop = true\ntransform = { translation = [1, 3, 0] }\n"
+    )
+    said = run("inspect", "job.toml").stdout
+    assert "object       cube: 12 triangles, (0.8, 0.5, -0.2) to (1.2, 0.9, 0.2)" in said
+    assert "aperture 0.1, sharp at 5.22" in said
+    (thing,) = json.loads(run("inspect", "job.toml", "--json").stdout)["objects"]
+    assert thing["name"] == "cube" and not thing["to_drop"]

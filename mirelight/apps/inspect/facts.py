@@ -71,6 +71,7 @@ class CameraFacts:
     aspect: float | None = None  # width / height that a glTF file asks for
     width: int | None = None  # px
     height: int | None = None  # px
+    exposure: str | None = None  # its lens and shutter, where it is no pinhole
     animated: bool = False
 
 
@@ -162,6 +163,16 @@ class PictureFacts:
     fingerprint: str | None  # of a frame that mirelight wrote
 
 
+@dataclass(frozen=True, slots=True)
+class ObjectFacts:
+    """An object that is put into the capture."""
+
+    name: str
+    triangles: int
+    bounds: Bounds | None  # where it stands in a lighting that moves it nowhere else
+    to_drop: bool  # it is not set down yet, as the proxy is still to be made
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobFacts:
     """A job file with everything it names."""
@@ -177,6 +188,7 @@ class JobFacts:
     lightings: tuple[LightingFacts, ...]
     captured: LightingFacts | None
     cameras: tuple[CameraFacts, ...]
+    objects: tuple[ObjectFacts, ...]
     frames: int
     inputs: tuple[str, ...]
     mode: str
@@ -271,6 +283,7 @@ def camera_facts(camera: Camera) -> CameraFacts:
         ymag=None if perspective else rounded(camera.height / (2 * camera.fy)),
         width=camera.width,
         height=camera.height,
+        exposure=None if camera.exposure is None else repr(camera.exposure),
     )
 
 

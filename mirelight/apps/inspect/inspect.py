@@ -16,6 +16,7 @@ from mirelight.apps.inspect.facts import (
     JobFacts,
     LightFacts,
     MeshFacts,
+    ObjectFacts,
     PictureFacts,
     SplatFacts,
     bounds_of,
@@ -32,7 +33,7 @@ from mirelight.base.errors import InputError
 from mirelight.base.primaries import Chromaticities
 from mirelight.io.safety import existing, open_binary, read_bytes
 from mirelight.io.suffixes import GLTF, USD
-from mirelight.model import Job, ProxyMesh, SplatCloud, camera_checks
+from mirelight.model import Inserted, Job, ProxyMesh, SplatCloud, camera_checks
 from mirelight.pipeline import peak
 
 _MESHES = (".obj", ".stl")  # and nothing else; other meshes' files may as well hold splats
@@ -244,6 +245,7 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         lightings=tuple(lighting_facts(x) for x in work.lightings),
         captured=lighting_facts(work.captured) if work.captured else None,
         cameras=tuple(camera_facts(x) for x in work.cameras),
+        objects=_objects(work.objects, proxy),
         frames=sum(x.lights_up(camera) for camera in work.cameras for x in work.lightings) or len(work.cameras),
         inputs=tuple(work.inputs),
         mode=work.relight.mode,
@@ -252,3 +254,24 @@ def of_job(work: Job, path: str | Path) -> JobFacts:
         memory=peak.of_render(work, proxy),
         notes=(*work.notes, *_far(splats, proxy)),
     )
+
+
+def _objects(objects: tuple[Inserted, ...], proxy: ProxyMesh | None) -> tuple[ObjectFacts, ...]:
+    """Objects where they stand, or where the job puts them while there is nothing to stand on.
+
+    Raises:
+        InputError: one that finds no place on the proxy.
+    """
+    if not objects:
+        return ()
+    if proxy is None:
+        made = [(x, x.mesh.value) for x in objects]
+        return tuple(
+            ObjectFacts(x.name, len(m.faces), bounds_of(m.vertices), bool(x.drop or x.scatter)) for x, m in made
+        )
+    from mirelight.lighting.objects import inserted
+
+    found = inserted(objects, proxy)
+    faces = [found.mesh.faces[found.owners == i] for i in range(len(objects))]
+    places = [bounds_of(found.mesh.vertices[np.unique(own)]) for own in faces]
+    return tuple(ObjectFacts(x.name, len(own), at, False) for x, own, at in zip(objects, faces, places, strict=True))

@@ -16,7 +16,7 @@ from mirelight.model import F64, triangles
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import Plane, Sheet
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Soup
+from mirelight.proxy.types import Soup, corners_of
 
 Bool = NDArray[np.bool_]
 
@@ -32,7 +32,7 @@ class Ceiling:
 
     def box(self, low: F64, high: F64) -> tuple[F64, F64]:
         """The corners (3,) of a box, moved so that walls in it reach the ceiling."""
-        corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+        corners = corners_of(low, high)
         lifted = corners + np.maximum(self.height - corners @ self.up, 0)[:, None] * self.up
         return np.minimum(low, lifted.min(axis=0)), np.maximum(high, lifted.max(axis=0))
 

@@ -162,6 +162,12 @@ class DepthMaps:
         return -own[:, 2], pixels_of(camera, own)
 
 
+def shows(camera: Camera, points: F32) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 3) are in a camera's picture, whatever stands before them."""
+    own = turned(points - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4"))
+    return pixels_of(camera, own) >= 0
+
+
 def pixels_of(camera: Camera, own: F32) -> NDArray[np.int64]:
     """(N,) flat index of the pixel that shows points (N, 3) in the camera's space; -1: none."""
     z = -own[:, 2]

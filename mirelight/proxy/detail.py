@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64, Camera
 from mirelight.proxy.capture import Capture, spacing_of
-from mirelight.proxy.depth import DepthMap, footprint, pixels_of
+from mirelight.proxy.depth import DepthMap, footprint, shows
 from mirelight.proxy.flats import Flat
 from mirelight.proxy.tidy import compact
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Soup
-from mirelight.proxy.views import close_ups, rays, turned
+from mirelight.proxy.views import close_ups, rays
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,8 +65,7 @@ def core_of(capture: Capture, cameras: Sequence[Camera]) -> Core | None:
     means = capture.splats.means
     shown = np.zeros(len(means), np.int64)
     for camera in cameras:
-        own = turned(means - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4"))
-        shown += pixels_of(camera, own) >= 0
+        shown += shows(camera, means)
     inside = shown >= TUNING.detail_seen * len(cameras)
     if inside.sum() < TUNING.detail_fewest:
         return None

@@ -16,7 +16,7 @@ from mirelight.model import F64, triangles
 from mirelight.proxy.depth import DepthMap, pixels_of, points_of
 from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Int, Soup
+from mirelight.proxy.types import Int, Soup, corners_of
 from mirelight.proxy.views import rays, turned
 
 Bool = NDArray[np.bool_]
@@ -276,7 +276,7 @@ def _seen(normal: F64, offset: float, points: Points, rows: Int, spacing: float,
     from scipy.ndimage import binary_closing, binary_dilation, label
 
     axes, cell = _axes(normal), TUNING.plane_cell * spacing
-    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = corners_of(low, high)
     reach = turned_to(corners, axes) / cell
     own = np.floor(turned_to(points.at[rows], axes) / cell).astype(np.int64)
     start = np.minimum(np.floor(reach.min(axis=0)).astype(np.int64), own.min(axis=0)) - 1

@@ -16,6 +16,7 @@ from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.flats import Flat, votes
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import corners_of
 
 
 def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float) -> list[Flat]:
@@ -47,7 +48,7 @@ def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMa
     """
     if flat.lift is None:
         return flat
-    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = corners_of(low, high)
     ends = np.einsum("ni,ki->nk", corners, flat.axes) / cell
     first = np.floor(ends.min(axis=0)).astype(np.int64)
     size = np.ceil(ends.max(axis=0)).astype(np.int64) - first + 1

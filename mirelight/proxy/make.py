@@ -15,7 +15,7 @@ from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
-from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, pixels_of
+from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
 from mirelight.proxy.detail import Core, core_of, others, with_core
 from mirelight.proxy.flats import Flat, flats_of, on_flats
 from mirelight.proxy.fusion import Grid, fuse
@@ -32,7 +32,7 @@ from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
-from mirelight.proxy.views import around, fewer, from_points, moved, turned
+from mirelight.proxy.views import around, fewer, from_points, moved
 
 _DEFAULT = ProxySettings()
 
@@ -221,10 +221,7 @@ def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | 
         return
     shown = np.zeros(len(capture.splats), bool)
     for camera in cameras:
-        own = turned(
-            capture.splats.means - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4")
-        )
-        shown |= pixels_of(camera, own) >= 0
+        shown |= shows(camera, capture.splats.means)
     weight = capture.splats.opacities * density(capture.splats.means.astype(np.float64))
     seen = float(weight[shown].sum() / weight.sum())
     if seen < TUNING.make_least_seen:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64, triangles
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Int, Soup
+from mirelight.proxy.types import Int, Soup, corners_of
 from mirelight.proxy.views import lattice, turned
 
 Bool = NDArray[np.bool_]
@@ -39,7 +39,7 @@ class Sheet:
     def of(plane: Plane, planes: Sequence[Plane], low: F64, high: F64, cell: float) -> Sheet:
         """A sheet of cells along the plane's two axes, in the box of the corners (3,)."""
         axes = np.stack(_axes(plane, planes))
-        corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+        corners = corners_of(low, high)
         flat = turned(corners, axes)
         count = np.ceil((flat.max(axis=0) - flat.min(axis=0)) / cell).astype(int)
         whole = Sheet(plane.normal * plane.offset + flat.min(axis=0) @ axes, axes, cell, np.ones(count, bool))

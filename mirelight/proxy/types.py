@@ -109,3 +109,8 @@ class Soup:
     def mesh(self) -> ProxyMesh:
         """The same as a proxy mesh, in single precision."""
         return ProxyMesh(vertices=self.vertices.astype(np.float32), faces=self.faces.astype(np.int32))
+
+
+def corners_of(low: F64, high: F64) -> F64:
+    """(8, 3) corners of a box that reaches from one (3,) to the other."""
+    return np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mirelight.base import conventions
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import corners_of
 
 
 def around(points: F32, radius: float, count: int, pixels: int) -> tuple[Camera, ...]:
@@ -62,7 +63,7 @@ def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
     Tiny pictures are enlarged: splats are never narrower than a pixel, and stand out of their surface.
     """
-    return _together([_enlarged(camera) for camera in cameras[:: -(-len(cameras) // TUNING.view_most)]])
+    return _together(_chosen(cameras, TUNING.view_most))
 
 
 def close_ups(cameras: Sequence[Camera], low: F64, high: F64) -> tuple[Camera, ...]:
@@ -72,7 +73,7 @@ def close_ups(cameras: Sequence[Camera], low: F64, high: F64) -> tuple[Camera, .
         cameras: the capture's.
         low, high: (3,) corners of the box.
     """
-    whole = [_enlarged(camera) for camera in cameras[:: -(-2 * len(cameras) // TUNING.view_most)]]
+    whole = _chosen(cameras, TUNING.view_most // 2)
     frames = np.array([_frame(camera, low, high) for camera in whole])
     width, height = (int(x) for x in np.ceil(frames[:, 2:] - frames[:, :2]).max(axis=0))
     return _together([_cut(x, frame, width, height) for x, frame in zip(whole, frames, strict=True)])
@@ -82,7 +83,7 @@ def _frame(camera: Camera, low: F64, high: F64) -> F64:
     """(4,) left, top, right and bottom in pixels of what a picture shows of a box; all of it where that reaches to
     behind the eye."""
     size = np.array([camera.width, camera.height], np.float64)
-    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    corners = corners_of(low, high)
     own = turned(corners - camera.position, camera.camera_from_world[:3, :3])
     if camera.projection == "perspective" and (own[:, 2] > -camera.near).any():
         return np.concatenate([[0, 0], size])
@@ -103,6 +104,10 @@ def _cut(camera: Camera, frame: F64, width: int, height: int) -> Camera:
 def _together(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
     share = min((TUNING.view_all_pixels / sum(x.width * x.height for x in cameras)) ** 0.5, 1.0)
     return tuple(x.scaled(share) for x in cameras)
+
+
+def _chosen(cameras: Sequence[Camera], most: int) -> list[Camera]:
+    return [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // most)]]
 
 
 def _enlarged(camera: Camera) -> Camera:

@@ -89,6 +89,8 @@ class _Plan:
     shooting: Shooting | None = None  # of the pictures that splats are trained on; None: discs on the true surface
 
 
+_LONGER = Shooting(sky=True, iterations=1600, most=60_000)  # of what has much in it
+
 PLANS = (
     _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
     _Plan("courtyard", "courtyard_walk", "courtyard, walked round", "hard sun", ("evening", "night", "day")),
@@ -141,7 +143,7 @@ PLANS = (
         "kitchen, trained",
         "lamp",
         ("sunny", "clouds", "other lamp"),
-        shooting=Shooting(sky=True, iterations=1600, most=60_000),
+        shooting=_LONGER,
     ),
     _Plan(
         "farm",
@@ -149,7 +151,7 @@ PLANS = (
         "farm, trained",
         "clear day",
         ("low sun", "clouds", "lamp"),
-        shooting=Shooting(sky=True, iterations=1600, most=60_000),
+        shooting=_LONGER,
     ),
     _Plan(
         "park",
@@ -157,7 +159,7 @@ PLANS = (
         "park, trained",
         "clear day",
         ("low sun", "clouds", "lamp"),
-        shooting=Shooting(sky=True, iterations=1600, most=60_000),
+        shooting=_LONGER,
     ),
 )
 NAMES = tuple(plan.name for plan in PLANS)

@@ -11,6 +11,7 @@ from mirelight.estimate.around import evened
 from mirelight.lighting import Tracer
 from mirelight.lighting.observed import Samples, observed
 from mirelight.model import F64, ProxyMesh, RenderSettings, SplatCloud
+from tests.proxy.clouds import joined
 
 
 def discs(points: F64, way: F64, color: F64) -> SplatCloud:
@@ -31,23 +32,13 @@ def samples_of(splats: SplatCloud) -> Samples:
     return observed(splats, (), mesh, Tracer(mesh, RenderSettings(), layers=False, aovs=False)).samples
 
 
-def both(a: SplatCloud, b: SplatCloud) -> SplatCloud:
-    return SplatCloud(
-        means=np.concatenate([a.means, b.means]),
-        quats=np.concatenate([a.quats, b.quats]),
-        scales=np.concatenate([a.scales, b.scales]),
-        opacities=np.concatenate([a.opacities, b.opacities]),
-        sh=np.concatenate([a.sh, b.sh]),
-    )
-
-
 def test_noise_of_single_splats_is_taken_out_and_no_other_plane_mixed_in() -> None:
     """A floor of noisy splats with a wall of another colour at its end."""
     rng = np.random.default_rng(4)
     floor, wall = rng.uniform((0, 0, 0), (1, 0, 1), (1500, 3)), rng.uniform((0, 0, 0), (0, 1, 1), (1500, 3))
     gray = 0.3 * np.exp(0.4 * rng.standard_normal((1500, 1)) - 0.08) * np.ones(3)
     up, aside = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    splats = both(discs(floor, up, np.clip(gray, 0, 1)), discs(wall, aside, np.full((1500, 3), 0.9)))
+    splats = joined(discs(floor, up, np.clip(gray, 0, 1)), discs(wall, aside, np.full((1500, 3), 0.9)))
     normals, spread = np.tile(up, (1500, 1)), np.tile(0.05 * np.eye(3)[[0, 2]], (1500, 1, 1))
     made = np.log(evened(samples_of(splats), gray, floor, normals, spread)[:, 0])
     assert made.std() < 0.5 * np.log(gray).std()

@@ -69,3 +69,14 @@ def box_shell(side: float, step: float, *, thin: float, faces: tuple[int, ...] =
     """Faces of a box; 2 axis + 1 is the one at the positive end."""
     both = [square(side, step, k // 2, side / 2 if k % 2 else -side / 2) for k in faces]
     return on_surface(np.concatenate([p for p, _ in both]), np.concatenate([n for _, n in both]), 0.7 * step, thin=thin)
+
+
+def joined(*clouds: SplatCloud) -> SplatCloud:
+    """All their splats as one capture."""
+    return SplatCloud(
+        means=np.concatenate([c.means for c in clouds]),
+        quats=np.concatenate([c.quats for c in clouds]),
+        scales=np.concatenate([c.scales for c in clouds]),
+        opacities=np.concatenate([c.opacities for c in clouds]),
+        sh=np.concatenate([c.sh for c in clouds]),
+    )

@@ -15,21 +15,11 @@ from mirelight.proxy.detail import Core, core_of, with_core
 from mirelight.proxy.types import ProxySettings, Soup
 from mirelight.proxy.views import moved
 
-from .clouds import F64, ball, box_shell, on_surface, square
+from .clouds import F64, ball, box_shell, joined, on_surface, square
 
 RADIUS = 0.3  # of the thing
 STEP = 0.14  # of the ground's splats, 9 x 9
 SETTINGS = ProxySettings(method="depth")
-
-
-def beside(one: SplatCloud, other: SplatCloud) -> SplatCloud:
-    return SplatCloud(
-        means=np.concatenate([one.means, other.means]),
-        quats=np.concatenate([one.quats, other.quats]),
-        scales=np.concatenate([one.scales, other.scales]),
-        opacities=np.concatenate([one.opacities, other.opacities]),
-        sh=np.concatenate([one.sh, other.sh]),
-    )
 
 
 def small_ball(count: int) -> SplatCloud:
@@ -41,7 +31,7 @@ def small_ball(count: int) -> SplatCloud:
 
 def yard(count: int) -> SplatCloud:
     points, normals = square(9.0, STEP, 1, 0.0)
-    return beside(on_surface(points, normals, 0.7 * STEP, thin=0.3), small_ball(count))
+    return joined(on_surface(points, normals, 0.7 * STEP, thin=0.3), small_ball(count))
 
 
 def walk() -> list[Camera]:

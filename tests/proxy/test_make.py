@@ -19,7 +19,7 @@ from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.depth import footprint
 from mirelight.proxy.tuning import TUNING
 
-from .clouds import ball, box_shell, fog
+from .clouds import ball, box_shell, fog, joined
 
 BALL = 12_000  # splats
 
@@ -99,7 +99,7 @@ def test_a_floor_seen_from_both_sides_is_one_sheet_under_what_stands_on_it() -> 
     """A thin floor averages to nothing if both its sides count."""
     floor = box_shell(4, 0.05, thin=0.3, faces=(2,))
     box = box_shell(1, 0.05, thin=0.3)
-    cloud = joined_clouds(floor, moved(box, (0, -1.4, 0)))
+    cloud = joined(floor, moved(box, (0, -1.4, 0)))
     quality = make(cloud).quality
     assert quality.uncovered < 0.08
     assert quality.gap_median < 0.004 * quality.size
@@ -109,7 +109,7 @@ def test_what_stands_in_a_closed_room_is_there() -> None:
     """No view from around sees it, so views from inside are taken."""
     room = box_shell(4, 0.07, thin=0.3)
     table = box_shell(1, 0.05, thin=0.3)
-    mesh = make(trained(joined_clouds(room, moved(table, (0.3, -1.4, 0.2))))).mesh
+    mesh = make(trained(joined(room, moved(table, (0.3, -1.4, 0.2))))).mesh
     inner = np.abs(mesh.vertices - np.array((0.3, -1.4, 0.2))).max(axis=1)
     top = (inner < 0.6) & (mesh.vertices[:, 1] > -0.95) & (mesh.vertices[:, 1] < -0.85)
     assert top.sum() > 50
@@ -126,16 +126,6 @@ def test_what_stands_in_a_closed_room_is_there() -> None:
 
 def moved(cloud: SplatCloud, by: tuple[float, float, float]) -> SplatCloud:
     return replace(cloud, means=cloud.means + np.array(by, np.float32))
-
-
-def joined_clouds(*clouds: SplatCloud) -> SplatCloud:
-    return SplatCloud(
-        means=np.concatenate([c.means for c in clouds]),
-        quats=np.concatenate([c.quats for c in clouds]),
-        scales=np.concatenate([c.scales for c in clouds]),
-        opacities=np.concatenate([c.opacities for c in clouds]),
-        sh=np.concatenate([c.sh for c in clouds]),
-    )
 
 
 # --- captures without a surface --------------------------------------------------------------------------------------

@@ -60,8 +60,8 @@ class Progress:
         """Light samples of a frame so far; the captured light's and those of unit lights it is the first to need
         included."""
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
-        """A frame is there: made now, or found."""
+    def finished(self, task: FrameTask, seconds: float | None) -> None:
+        """A frame is there: made now, in so many seconds besides what all frames share; or found (None)."""
 
     def note(self, line: str) -> None:
         """Something to know: what takes long now, or what is wrong with a frame that was made."""
@@ -148,7 +148,7 @@ def unfinished(plan: Plan, store: Store, progress: Progress) -> tuple[list[Group
         if all(known.has(task) for task in group.tasks) and store.has_layers(group.layers):
             there += len(group.tasks)
             for task in group.tasks:
-                progress.finished(task, True)
+                progress.finished(task, None)
         else:
             left.append(group)
     return left, RenderSummary(rendered=0, skipped=there)
@@ -229,7 +229,7 @@ def _make(
     missing: list[FrameTask] = []
     for task in group.tasks:
         if store.has(task):  # asked now: another process may have made it meanwhile
-            progress.finished(task, True)
+            progress.finished(task, None)
         else:
             missing.append(task)
     view = _OneCamera(scene, group, store)
@@ -241,8 +241,9 @@ def _make(
             store.put_failed(task, made)
             progress.failed(task, made)
         else:
-            progress.finished(task, False)  # first of all: from here on the frame counts as there
-            said.report(view.scene, task, made)
+            frame, seconds = made
+            progress.finished(task, seconds)  # first of all: from here on the frame counts as there
+            said.report(view.scene, task, frame)
     return RenderSummary(rendered=len(missing) - failed, skipped=len(group.tasks) - len(missing), failed=failed)
 
 
@@ -257,12 +258,21 @@ class _OneCamera:
         return _composite(self.scene, self._group, self._store)
 
 
-def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None) -> Frame | str:
-    """Make a frame, a second time where the first fails; what went wrong where the second does, too."""
-    error = ""
+def _tried(
+    view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None
+) -> tuple[Frame, float] | str:
+    """Make a frame and keep it, a second time where the first fails; also the seconds that it took by itself. What went
+    wrong where the second fails, too."""
+    clock, error = view.scene.clock, ""
     for _ in range(2):
         try:
-            return _make_one(view, task, store, progress, preview)
+            began = clock.now()
+            frame = _make_one(view, task, store, progress, preview)
+            if preview is not None:
+                preview.made(task, frame)
+            seconds = clock.now() - began
+            store.put(task, frame, seconds=seconds)
+            return frame, seconds
         except _OF_ALL:
             raise
         except Exception as e:
@@ -274,11 +284,9 @@ def _tried(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, 
 
 def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progress, preview: Preview | None) -> Frame:
     scene = view.scene
-    began = time.monotonic()
     report: CountProgress = partial(progress.samples, task)
     if task.camera.exposure is not None:
-        made = frames.frame(scene, task.camera, task.lighting, progress=report)
-        return _shown_and_kept(made, task, store, preview, began)
+        return frames.frame(scene, task.camera, task.lighting, progress=report)
     splats = view.splats
 
     def show(lit: Callable[[], stages.Lit]) -> None:
@@ -292,29 +300,23 @@ def _make_one(view: _OneCamera, task: FrameTask, store: Store, progress: Progres
         if stopped.lit is not None:
             store.put_partial(task, stages.relit(scene, splats, stopped.lit, unfinished=True))
         raise
-    return _shown_and_kept(stages.relight(scene, splats, lit), task, store, preview, began)
-
-
-def _shown_and_kept(frame: Frame, task: FrameTask, store: Store, preview: Preview | None, began: float) -> Frame:
-    if preview is not None:
-        preview.made(task, frame)
-    store.put(task, frame, seconds=time.monotonic() - began)
-    return frame
+    return stages.relight(scene, splats, lit)
 
 
 def _make_layers(scene: Scene, group: Group, store: Store, progress: Progress) -> RenderSummary:
     """Make what is missing of the layers that a camera's frames are mixed from."""
     there = store.has_layers(group.layers)
     if not there:
-        began = time.monotonic()
+        began = scene.clock.now()
         report: CountProgress = partial(progress.samples, group.tasks[0])
         _composite(scene, group, store)
         lightings = [task.lighting for task in group.tasks if task.lighting is not None]
         stages.trace(scene, group.camera, lightings, progress=report)
-        store.add_row(group.name, time.monotonic() - began)
+        seconds = scene.clock.now() - began
+        store.add_row(group.name, seconds)
     for task in group.tasks:
         store.drop_preview(task)
-        progress.finished(task, there)
+        progress.finished(task, None if there else seconds / len(group.tasks))
     count = len(group.tasks)
     return RenderSummary(rendered=0 if there else count, skipped=count if there else 0)
 

@@ -14,7 +14,7 @@ _EVERY = 0.25  # seconds between two words about samples
 
 READY = "ready"  # the job is loaded
 SAMPLES = "samples"  # frame, done, total
-FINISHED = "finished"  # frame, 1 where it was there already
+FINISHED = "finished"  # frame, seconds that it took; none where it was there already
 FAILED = "failed"  # frame, what went wrong
 NOTE = "note"  # a line for people
 BUSY = "busy"  # the camera is another process's
@@ -28,7 +28,7 @@ class Word:
     """One message from a worker process."""
 
     kind: str
-    values: tuple[str | int, ...] = ()
+    values: tuple[str | int | float, ...] = ()
 
     def line(self) -> str:
         """As text, without the end of line."""
@@ -41,7 +41,7 @@ class Word:
             kind, *values = json.loads(line)
         except (ValueError, TypeError):
             return None
-        return Word(str(kind), tuple(x if isinstance(x, int) else str(x) for x in values))
+        return Word(str(kind), tuple(x if isinstance(x, int | float) else str(x) for x in values))
 
 
 class Reporter(Progress):
@@ -62,9 +62,9 @@ class Reporter(Progress):
             self._say(Word(SAMPLES, (task.name, done, total)))
         self.check()
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
+    def finished(self, task: FrameTask, seconds: float | None) -> None:
         """Passes on that a frame is finished."""
-        self._say(Word(FINISHED, (task.name, int(skipped))))
+        self._say(Word(FINISHED, (task.name, *(() if seconds is None else (seconds,)))))
         self.check()
 
     def failed(self, task: FrameTask, error: str) -> None:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from mirelight.store import Row
 from mirelight.store.planned import PlannedFrame
 
-_LEAST = 1.0  # first frames of cameras that warm processes must have made before they count
 _SPAN = 0.2  # share of a frame's samples from which its speed is told
 
 
@@ -74,36 +73,37 @@ class Pace:
 
     Args:
         frames: by camera, how many are to be made.
-        now: when the run begins.
     """
 
-    def __init__(self, frames: Mapping[Hashable, int], now: float) -> None:
+    def __init__(self, frames: Mapping[Hashable, int]) -> None:
         self._count = dict(frames)
         self._made: dict[Hashable, int] = defaultdict(int)
-        self._began = now
         self._last: dict[Hashable, float] = {}  # by camera that has a frame, when its last one was made
-        self._first: list[float] = []  # when cameras' first frames were made
+        self._first: list[float] = []  # what cameras' first frames took
         self._later: dict[int, list[float]] = defaultdict(list)  # by place, what other frames took
-        self._parts: dict[Hashable, float] = {}  # by camera, how much of its first frame is done
-        self._heard: dict[Hashable, tuple[float, float]] = {}  # when its samples were first heard of, how many
-        self._traced: float | None = None  # seconds that all samples of a cold process's frame take
+        self._parts: dict[
+            Hashable, tuple[float, float]
+        ] = {}  # by camera, how much of its first frame is done, and when
+        self._grown: dict[Hashable, tuple[float, float]] = {}  # by camera, a share of it, and the seconds that it took
+        self._traced: float | None = None  # seconds that all samples of a frame take, as the newest has it
 
     def part(self, camera: Hashable, share: float, now: float) -> None:
-        """So much of a frame of a camera is done, 0 to 1."""
+        """So much of a frame of a camera is done, 0 to 1. While that stands still, what all frames share is made."""
         if camera in self._last:
             return
-        self._parts[camera] = share
-        began, before = self._heard.setdefault(camera, (now, share))
-        if share - before >= _SPAN and not self._first:
-            self._traced = (now - began) / (share - before)
+        if camera in self._parts:
+            before, at = self._parts[camera]
+            grown, took = self._grown.get(camera, (0.0, 0.0))
+            if share > before > 0:  # before the first samples comes what cannot be told apart
+                grown, took = self._grown[camera] = grown + share - before, took + now - at
+            if grown >= _SPAN:
+                self._traced = took / grown
+        self._parts[camera] = share, now
 
-    def made(self, camera: Hashable, now: float) -> None:
-        """A frame of a camera was made."""
+    def made(self, camera: Hashable, seconds: float, now: float) -> None:
+        """A frame of a camera was made, in so many seconds besides what all frames share."""
         self._parts.pop(camera, None)
-        if camera in self._last:
-            self._later[self._made[camera]].append(now - self._last[camera])
-        else:
-            self._first.append(now)
+        (self._later[self._made[camera]] if camera in self._last else self._first).append(seconds)
         self._made[camera] += 1
         self._last[camera] = now
 
@@ -113,36 +113,17 @@ class Pace:
 
     def left(self, processes: int, now: float) -> float | None:
         """Seconds until all is made by so many processes; None while nothing is known."""
-        costs = self._costs(processes, now)
-        if costs is None:
+        cold, warm = self._first[:processes], self._first[processes:]
+        known = [_mean(warm or cold)] if self._first else []
+        if self._traced is not None and not warm:
+            known.append(self._traced)
+        if not known:
             return None
+        costs = Costs.mean(self._later, min(known))
         cameras = [(count, self._made[camera]) for camera, count in self._count.items() if count > self._made[camera]]
-        busy = sum(share * costs.at(0) for share in self._parts.values()) + self._underway(costs, now)
+        busy = sum(share * costs.at(0) for share, _ in self._parts.values())
+        busy += sum(min(now - self._last[x], costs.at(k)) for x in self._last if (k := self._made[x]) < self._count[x])
         return max(0.0, costs.left(cameras, processes) - busy / processes)
-
-    def _underway(self, costs: Costs, now: float) -> float:
-        """Seconds of work in later frames that are in progress."""
-        return sum(
-            min(now - at, costs.at(self._made[camera]))
-            for camera, at in self._last.items()
-            if self._count[camera] > self._made[camera]
-        )
-
-    def _costs(self, processes: int, now: float) -> Costs | None:
-        cold = self._first[:processes]
-        begun = sum(self._parts.values()) if len(cold) == processes else 0.0
-        warm = len(self._first) - len(cold) + begun
-        if warm >= _LEAST:  # all the time of processes that had made a frame, but for what they spent on others
-            spent = sum(now - at for at in cold) - sum(sum(x) for x in self._later.values())
-            first = max(spent - self._underway(Costs.mean(self._later, spent / warm), now), 0.0) / warm
-        elif cold:
-            first = _mean([at - self._began for at in cold])
-            first = first if self._traced is None else min(first, self._traced)
-        elif self._traced is not None:
-            first = self._traced
-        else:
-            return None
-        return Costs.mean(self._later, first)
 
 
 def _mean(values: list[float]) -> float:

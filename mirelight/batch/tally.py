@@ -34,7 +34,7 @@ class FrameTally:
                 self.progress.samples(task, int(values[1]), int(values[2]))
                 return task
             case messages.FINISHED if task is not None and self._first(task):
-                self.progress.finished(task, bool(values[1]))
+                self.progress.finished(task, float(values[1]) if len(values) > 1 else None)
             case messages.FAILED if task is not None and self._first(task):
                 self.progress.failed(task, str(values[1]))
             case messages.NOTE if str(values[0]) not in self._notes:  # every process says what it finds of the job

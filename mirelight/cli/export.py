@@ -106,7 +106,7 @@ class Counted:
     def __init__(self, quiet: bool) -> None:
         from mirelight.cli import progress
 
-        self._tally = progress.chosen(quiet)
+        self._tally, self._last = progress.chosen(quiet), 0.0
 
     @property
     def far(self) -> str:
@@ -138,10 +138,12 @@ class Counted:
     def started(self, count: int) -> None:
         """Starts counting before the first frame."""
         self._tally.started([_Frame("")] * count)
+        self._last = self._tally.elapsed
 
     def finished(self, name: str, skipped: bool) -> None:
         """Counts a frame that is finished."""
-        self._tally.finished(_Frame(name), skipped)
+        took, self._last = self._tally.elapsed - self._last, self._tally.elapsed
+        self._tally.finished(_Frame(name), None if skipped else took)
 
     def note(self, line: str) -> None:
         """Prints a line for the person who waits."""

@@ -53,7 +53,7 @@ class Tally:
         self.samples_done = 0  # of the frame in progress that was last heard of
         self.samples_total = 0
         self._begun: dict[str, float] = {}  # by frame in progress how much of it is done
-        self._pace = Pace({}, 0.0)
+        self._pace = Pace({})
         self._workers = 1  # frames in progress at once, at most so far
         self._began = time.monotonic()
 
@@ -67,7 +67,7 @@ class Tally:
         """Starts counting before the first frame."""
         self.total = len(tasks)
         self._began = time.monotonic()
-        self._pace = Pace(Counter(id(task.camera) for task in tasks), 0.0)
+        self._pace = Pace(Counter(id(task.camera) for task in tasks))
 
     def samples(self, task: Named, done: int, total: int) -> None:
         """Samples of the frame in progress."""
@@ -75,15 +75,15 @@ class Tally:
         self._begun[task.name] = done / total if total else 0.0
         self._pace.part(id(task.camera), self._begun[task.name], self.elapsed)
 
-    def finished(self, task: Named, skipped: bool) -> None:
-        """Counts a frame that is finished."""
+    def finished(self, task: Named, seconds: float | None) -> None:
+        """Counts a frame that is finished, in so many seconds of its own; None: it was there."""
         self._over(task)
-        if skipped:
+        if seconds is None:
             self.skipped += 1
             self._pace.found(id(task.camera))
         else:
             self.rendered += 1
-            self._pace.made(id(task.camera), self.elapsed)
+            self._pace.made(id(task.camera), seconds, self.elapsed)
 
     def failed(self, task: Named, error: str) -> None:
         """A frame could not be made; said at once."""
@@ -153,11 +153,11 @@ class Lines(Tally):
         super().started(tasks)
         self._frame_began = self.elapsed
 
-    def finished(self, task: Named, skipped: bool) -> None:
+    def finished(self, task: Named, seconds: float | None) -> None:
         """A frame is there; those that were found are counted, and said at the end."""
-        super().finished(task, skipped)
+        super().finished(task, seconds)
         took, self._frame_began = self.elapsed - self._frame_began, self.elapsed
-        if skipped:
+        if seconds is None:
             return
         left = f", about {duration(self.left)} left" if self.left and self.there < self.total else ""
         say.line(f"[{self.there}/{self.total}] {task.name}: made in {duration(took)}{left}")
@@ -188,9 +188,9 @@ class Bar(Tally):
         super().samples(task, done, total)
         self._show(task.name)
 
-    def finished(self, task: Named, skipped: bool) -> None:
+    def finished(self, task: Named, seconds: float | None) -> None:
         """Counts a frame that is finished."""
-        super().finished(task, skipped)
+        super().finished(task, seconds)
         self._show(task.name)
 
     def waiting(self, cameras: int) -> None:

@@ -44,9 +44,9 @@ class Watched(Progress):
         self._tally.samples(task, done, total)
         self._raise_noted()
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
+    def finished(self, task: FrameTask, seconds: float | None) -> None:
         """Counts a finished frame, then stops where a signal has asked for it."""
-        self._tally.finished(task, skipped)
+        self._tally.finished(task, seconds)
         self._raise_noted()
 
     def note(self, line: str) -> None:

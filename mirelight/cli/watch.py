@@ -115,9 +115,9 @@ class _Heard(Progress):
                 raise _Changed
             self._screen.status(f"{task.name}: {done / total:.0%}" if total else task.name)
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
+    def finished(self, task: FrameTask, seconds: float | None) -> None:
         """Counts a frame that is finished."""
-        if not skipped:
+        if seconds is not None:
             self._there += 1
         self.samples(task, 1, 1)
 

@@ -14,6 +14,7 @@ from mirelight.model import F64, Camera, Inserted, Lighting, ProxyMesh, SurfaceC
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import ARRAY
+from mirelight.pipeline.frame_clock import for_all_frames
 from mirelight.pipeline.painted import dressed_by
 from mirelight.pipeline.prepared import Prepared
 from mirelight.pipeline.requirements import Arrangement
@@ -32,10 +33,11 @@ class SceneWithObjects(Prepared):
     def __init__(self, bare: Prepared, objects: Arrangement) -> None:
         super().__init__(bare.job, bare.kept, bare._report)
         self.objects = objects
-        self.keys = bare.keys
+        self.keys, self.clock = bare.keys, bare.clock
         self._bare: Prepared = weakref.proxy(bare)  # the scene holds this: a cycle would outlive both
 
     @cached_property
+    @for_all_frames
     def placed(self) -> Placed:
         """What is traced, and which faces are whose."""
         from mirelight.lighting.objects import inserted
@@ -49,11 +51,13 @@ class SceneWithObjects(Prepared):
         return inserted(self.objects, proxy)
 
     @cached_property
+    @for_all_frames
     def proxy(self) -> ProxyMesh | None:
         """The proxy with the objects."""
         return self.placed.mesh
 
     @cached_property
+    @for_all_frames
     def tracer(self) -> Tracer:
         """The tracer of the scene with its objects."""
         from mirelight.lighting import Tracer
@@ -121,12 +125,14 @@ class SceneOfLobes(SceneWithObjects):
     """The proxy with its materials; light is what their lobes reflect to the camera."""
 
     @cached_property
+    @for_all_frames
     def proxy(self) -> ProxyMesh | None:
         """The proxy, as the job's materials dress it."""
         bare = self._bare.proxy
         return bare if bare is None else dressed_by(bare, self.job.materials, str(self.job.source), self.job.render)
 
     @cached_property
+    @for_all_frames
     def tracer(self) -> Tracer:
         """The tracer of the lobes."""
         from mirelight.lighting import Tracer

@@ -35,6 +35,7 @@ from mirelight.pipeline.artefact_cache import ArtefactCache, made_once
 from mirelight.pipeline.backdrops import around_unit
 from mirelight.pipeline.cache import UserCache
 from mirelight.pipeline.codecs import ARRAY, MESH, Codec, array_of
+from mirelight.pipeline.frame_clock import FrameClock, for_all_frames
 from mirelight.pipeline.surface_light import SurfaceLight
 from mirelight.relighting import FarMaps
 
@@ -53,11 +54,13 @@ class Prepared:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
+        self.clock = FrameClock()
         self._of_user = UserCache()
         self._report = report
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
 
     @cached_property
+    @for_all_frames
     def splats(self) -> SplatCloud | None:
         """The splats in world space."""
         cloud = None if self.job.splats is None else self.job.splats.value
@@ -68,6 +71,7 @@ class Prepared:
         return cloud
 
     @cached_property
+    @for_all_frames
     def mesh(self) -> ProxyMesh | None:
         """The proxy as the job names it: read, or made from the splats unless it was kept from an earlier time."""
         job = self.job
@@ -139,6 +143,7 @@ class Prepared:
             self._report(line)
 
     @cached_property
+    @for_all_frames
     def proxy(self) -> ProxyMesh | None:
         """The proxy as light falls on it: with the splats' colours where the job asks for them and they are of use."""
         job = self.job
@@ -165,6 +170,7 @@ class Prepared:
         return self.proxy is not None and not requirements.follows_engine(self.job) and is_emissive(self.proxy)
 
     @cached_property
+    @for_all_frames
     def captured_level(self) -> float | None:
         """Mean luminance of the captured light over the scene, irradiance / pi; None where no mode asks for it."""
         job = self.job
@@ -179,6 +185,7 @@ class Prepared:
             self.kept.put(self.keys.captured_level, found, ARRAY)
         return float(found[0])
 
+    @for_all_frames
     def resolved(self, lighting: Lighting) -> Lighting:
         """The lighting with a sun and a map in place of its sky model, or of captured light that is to be estimated."""
         from mirelight.lighting.sunsky import resolved
@@ -259,6 +266,7 @@ class Prepared:
         """What to trace for a set: its lights, each with the name of its unit's layer."""
         return light_set.as_lighting(self.resolved)
 
+    @for_all_frames
     def surface_cache(self, light_set: LightSet, *, progress: CountProgress | None = None) -> SurfaceCache | None:
         """A set's light on the surface; None where the job traces it."""
         return None if self.surface_light is None else self.surface_light.cache(light_set, progress)
@@ -274,6 +282,7 @@ class Prepared:
         return SurfaceLight(self.job, self.keys, self.kept, tracer, self.lighting_of, self._tell)
 
     @cached_property
+    @for_all_frames
     def compositor(self) -> Compositor:
         """The splats on the compute device."""
         from mirelight.compositor import Compositor
@@ -283,6 +292,7 @@ class Prepared:
         return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
 
     @cached_property
+    @for_all_frames
     def splat_distances(self) -> F32:
         """(N,) how far each splat lies from the proxy, world units."""
         splats, mesh = self.splats, self.mesh
@@ -304,6 +314,7 @@ class Prepared:
         return FarMaps()
 
     @cached_property
+    @for_all_frames
     def tracer(self) -> Tracer | EngineTracer:
         """The proxy on the compute device, and what lights it."""
         from mirelight.lighting import tracer

@@ -89,6 +89,7 @@ class Scene(Prepared):
         """Whatever another scene has ready and this one would make the same: told by keys, nothing is compared."""
         job, theirs, ready, mine = self.job, other.job, vars(other), vars(self)
         self._estimates |= other._estimates
+        self.clock = other.clock
         same_splats = _digest(job.splats) == _digest(theirs.splats)
         if same_splats:
             mine.update({name: ready[name] for name in ("splats",) if name in ready})

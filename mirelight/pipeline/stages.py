@@ -144,7 +144,8 @@ def _factor(scene: Scene, lighting: Lighting) -> F32 | None:
     job = scene.job
     if job.splats is None or not relighting.per_splat(job.relight_of(lighting)):
         return None
-    return scene.splat_light.factor(lighting)
+    with scene.clock.standing():
+        return scene.splat_light.factor(lighting)
 
 
 def trace(

@@ -34,7 +34,7 @@ class Row:
 
     frame: str  # its name, "camera.lighting"
     files: Mapping[str, FileRow]  # by suffix; none where it failed
-    seconds: float  # that it took to make, its share of what its camera's frames have in common included
+    seconds: float  # that it took, what its camera's frames share included, but not what all frames do
     error: str = ""  # what went wrong, the first or last line for people
     wanted: Mapping[str, str] = field(default_factory=dict)  # of a failed one: by suffix the keys that it was to have
 

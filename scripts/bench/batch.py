@@ -137,7 +137,7 @@ def made(path: Path) -> Figures:
     class Heard(executor.Progress):
         last = 0.0
 
-        def finished(self, task: FrameTask, skipped: bool) -> None:
+        def finished(self, task: FrameTask, seconds: float | None) -> None:
             now = time.process_time()
             spent.setdefault(task.camera.name, []).append(now - self.last)
             self.last = now
@@ -305,7 +305,7 @@ def counted(path: Path) -> Figures:
     job = mirelight.load(path)
 
     class Heard(executor.Progress):
-        def finished(self, task: FrameTask, skipped: bool) -> None:
+        def finished(self, task: FrameTask, seconds: float | None) -> None:
             ended[task.camera.name] = time.process_time()
 
     store = Store(job)

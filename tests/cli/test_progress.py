@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from mirelight.batch.pace import Costs, Pace
 from mirelight.cli.progress import Lines, Tally, duration, samples_of
 from mirelight.model import Camera
+from mirelight.pipeline.frame_clock import FrameClock, for_all_frames
 from mirelight.pipeline.plan import FrameTask
 from mirelight.store.journal import FileRow, Row
 from mirelight.store.planned import PlannedFrame
@@ -45,17 +47,17 @@ def test_time_left_counts_what_was_made_and_not_what_was_found(clock: Clock) -> 
     tally = Tally()
     frames = [task(f"f{i}") for i in range(5)]
     tally.started(frames)
-    tally.finished(frames[0], True)
+    tally.finished(frames[0], None)
     assert state(tally) == (1, 0.0, None)
-    clock.now += 10
+    clock.now += 300  # previews, say
     tally.samples(frames[1], 32, 64)
-    assert state(tally) == (1, 0.5, None)  # what the scene and kernels took is in that time, too
+    assert state(tally) == (1, 0.5, None)  # of what came before the samples nothing is known
     clock.now += 10
-    tally.finished(frames[1], False)
+    tally.finished(frames[1], 20.0)
     assert state(tally) == (2, 0.0, 60.0)
     clock.now += 60
     for frame in frames[2:]:
-        tally.finished(frame, False)
+        tally.finished(frame, 20.0)
     assert state(tally) == (5, 0.0, 0.0)
     assert (tally.rendered, tally.skipped) == (4, 1)
 
@@ -65,13 +67,13 @@ def test_lines_for_logs(clock: Clock, capsys: pytest.CaptureFixture[str]) -> Non
     frames = [task("a.day"), task("b.day"), task("c.day")]
     clock.now += 5  # reading the job is not part of the first frame
     lines.started(frames)
-    lines.finished(frames[0], True)
+    lines.finished(frames[0], None)
     clock.now += 12
-    lines.finished(frames[1], False)
+    lines.finished(frames[1], 9.0)
     clock.now += 8
-    lines.finished(frames[2], False)
+    lines.finished(frames[2], 8.0)
     assert capsys.readouterr().err.splitlines() == [
-        "[2/3] b.day: made in 12 s, about 12 s left",
+        "[2/3] b.day: made in 12 s, about 9.0 s left",
         "[3/3] c.day: made in 8.0 s",
     ]
 
@@ -107,19 +109,19 @@ TAKEN = (
 )  # fmt: skip
 
 
-def events(workers: int, taken: Sequence[Sequence[float]]) -> list[tuple[float, int, float | None]]:
-    """When cameras' frames are made by so many processes, and first frames' samples heard of; each takes the next
-    camera, and its first frame comes after what it prepares."""
+def events(workers: int, taken: Sequence[Sequence[float]]) -> list[tuple[float, int, float | None, float]]:
+    """When cameras' frames are made by so many processes, and what each took; or when first frames' samples are heard
+    of, and the share. Each process takes the next camera, and its first frame comes after what it prepares."""
     free = [(0.0, PREPARED)] * workers
-    found: list[tuple[float, int, float | None]] = []
+    found: list[tuple[float, int, float | None, float]] = []
     for camera, frames in enumerate(taken):
         free.sort()
         now, prepared = free[0]
         now += prepared
-        found += [(now + frames[0] * 0.35, camera, 0.5), (now + frames[0] * 0.7, camera, 1.0)]
+        found += [(now + frames[0] * 0.35, camera, None, 0.5), (now + frames[0] * 0.7, camera, None, 1.0)]
         for seconds in frames:
             now += seconds
-            found.append((now, camera, None))
+            found.append((now, camera, seconds, 1.0))
         free[0] = now, 0.0
     return sorted(found, key=lambda x: x[0])
 
@@ -130,14 +132,14 @@ def test_the_time_left_is_right_after_a_tenth(workers: int, lightings: int, turn
     """Within 20 % from a tenth of the frames on, until few are left and each counts for much."""
     taken = [frames[:lightings] for frames in TAKEN * turns]
     every = events(workers, taken)
-    pace, made, total = Pace(dict.fromkeys(range(len(taken)), lightings), 0.0), 0, len(taken) * lightings
+    pace, made, total = Pace(dict.fromkeys(range(len(taken)), lightings)), 0, len(taken) * lightings
     looked = 0
-    for now, camera, share in every:
-        if share is None:
-            pace.made(camera, now)
-            made += 1
-        else:
+    for now, camera, seconds, share in every:
+        if seconds is None:
             pace.part(camera, share, now)
+        else:
+            pace.made(camera, seconds, now)
+            made += 1
         if 0.1 * total <= made <= 0.6 * total:
             left = pace.left(workers, now)
             assert left == pytest.approx(every[-1][0] - now, rel=0.2), made
@@ -146,13 +148,49 @@ def test_the_time_left_is_right_after_a_tenth(workers: int, lightings: int, turn
 
 
 def test_frames_that_need_not_be_made_take_no_time() -> None:
-    pace = Pace({"a": 2, "b": 2, "c": 1}, 0.0)
+    pace = Pace({"a": 2, "b": 2, "c": 1})
     for _ in range(2):
         pace.found("b")
-    pace.made("a", 60.0)
-    pace.made("a", 62.0)
-    pace.made("c", 70.0)
+    pace.made("a", 60.0, 60.0)
+    pace.made("a", 2.0, 62.0)
+    pace.made("c", 8.0, 70.0)
     assert pace.left(1, 70.0) == 0.0
+
+
+def test_what_all_frames_share_is_not_taken_for_a_frame_s_time() -> None:
+    """Light is gathered for four minutes before the first frame's samples, and for as long before its second light."""
+    pace = Pace(dict.fromkeys(range(12), 1))
+    for now, share in ((0.0, 0.0), (240.0, 0.25), (242.0, 0.5), (482.0, 0.5), (486.0, 1.0)):
+        pace.part(0, share, now)
+    assert pace.left(1, 486.0) == 11 * 8.0
+    pace.made(0, 9.0, 489.0)
+    assert pace.left(1, 489.0) == 11 * 8.0  # without its kernels
+    pace.made(1, 7.0, 496.0)
+    assert pace.left(1, 496.0) == 10 * 7.0
+
+
+def test_a_frame_s_clock_stands_while_what_all_frames_share_is_made(clock: Clock) -> None:
+    class Scene:
+        def __init__(self) -> None:
+            self.clock = FrameClock()
+
+        @cached_property
+        @for_all_frames
+        def light(self) -> int:
+            clock.now += 100
+            return self.mesh()
+
+        @for_all_frames
+        def mesh(self) -> int:
+            clock.now += 1000
+            return 7
+
+    scene = Scene()
+    began = scene.clock.now()
+    clock.now += 3
+    assert scene.light == scene.light == 7
+    clock.now += 4
+    assert scene.clock.now() - began == 7
 
 
 def test_costs_from_a_journal() -> None:

@@ -172,8 +172,8 @@ class Heard(executor.Progress):
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         self.fractions.setdefault(task.name, []).append(done / total)
 
-    def finished(self, task: FrameTask, skipped: bool) -> None:
-        self.ended.append((task.name, skipped))
+    def finished(self, task: FrameTask, seconds: float | None) -> None:
+        self.ended.append((task.name, seconds is None))
 
     def failed(self, task: FrameTask, error: str) -> None:
         self.failures[task.name] = error

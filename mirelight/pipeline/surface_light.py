@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from mirelight.base.progress import CountProgress
 from mirelight.model import CellLight, Job, Lighting, SurfaceCache, SurfaceCells, SurfaceTransport
+from mirelight.model.shown import count
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import keys, requirements
 from mirelight.pipeline.artefact_cache import WAIT, ArtefactCache, made_once
@@ -117,9 +118,8 @@ class SurfaceLight:
         """Make parts together, as they share rays, and keep each by itself."""
         units = tuple(unit for part in parts.values() for unit in part.units)
         whole = LightSet(units) if units else next(iter(parts.values()))
-        count = len(whole.units) or 1
         self._tell(
-            f"gathering the light of {count} source{'s' * (count > 1)} on {len(self.cells):,} pieces of the surface; "
+            f"gathering the light of {self._named(whole)} on {len(self.cells):,} pieces of the surface; "
             "it is kept for the next time"
         )
         emission = whole.whole is not None or whole.glow
@@ -132,6 +132,17 @@ class SurfaceLight:
             self._lights[key] = (by_name[str(i)],) if units else made.lights
             self._kept.put(key, self._lights[key], lights_on(len(self.cells)))
 
+    def _named(self, whole: LightSet) -> str:
+        """Light for people: how many sources, and the first of the job's lightings that takes them."""
+        if whole.glow:
+            return "what glows"
+        sources, own = count(len(whole.units) or 1, "source"), {x.digest for x in whole.parts()}
+        every = {x.name: x for x in requirements.with_compared(self._job, self._job.lightings)}
+        for number, (name, lighting) in enumerate(every.items(), 1):
+            if any(x.digest in own for one in self._keys.mixture(lighting).sets for x in one.parts()):
+                return f"lighting {name} ({number} of {len(every)}, {sources})"
+        return sources
+
     def _fill_to_noise_target(
         self, first: SurfaceCache, lighting: Lighting, emission: bool, target: float
     ) -> SurfaceCache:
@@ -143,13 +154,13 @@ class SurfaceLight:
             return first
         rays, pixels = min(x.rays for x in first.lights), sum(x.width * x.height for x in cameras)
         noise = tracer.noise_of(lighting, cameras, first, emission=emission)
-        count = noise.fills(target, rays * len(self.cells), pixels)
+        times = noise.fills(target, rays * len(self.cells), pixels)
         self._tell(
-            f"for a noise of {target:g}, light on the surface is gathered along {count * rays:,} rays of each piece; "
+            f"for a noise of {target:g}, light on the surface is gathered along {times * rays:,} rays of each piece; "
             f"{rays} leave a noise of {noise.of_fill**0.5:.2g}, a sample of each pixel {noise.of_sample**0.5:.2g}"
         )
         fills = [first]
-        for k in range(1, count):
+        for k in range(1, times):
             own = replace(tracer.settings, seed=(tracer.settings.seed + FILL * k) & 0xFFFFFFFF)
             again = tracer.tuned(own, layers=True, aovs=False)
             fills.append(again.fill(self.cells, lighting, emission=emission))

@@ -9,7 +9,7 @@ from .conftest import COMMAND, Run
 from .test_workers import same
 
 SURFACE = ("--set", "render.indirect=surface", "--set", "render.max_depth=3")
-FILL = "gathering the light of 1 source on "
+FILL = "gathering the light of lighting "
 
 
 def start(folder: Path, *more: str) -> subprocess.Popen[str]:
@@ -27,6 +27,7 @@ def test_two_processes_gather_light_once(folder: Path, run: Run) -> None:
     said = "".join(process.communicate(timeout=300)[1] for process in both)
     assert [process.returncode for process in both] == [0, 0], said
     assert said.count(FILL) == 2  # the sky and the lamp
+    assert f"{FILL}day (1 of 2, 1 source) on " in said and f"{FILL}night (2 of 2, 1 source) on " in said
 
     found = run("render", "job.toml", *SURFACE, "--set", "render.spp=4")
     assert found.returncode == 0 and FILL not in found.stderr and "0 of them" not in found.stdout

@@ -14,6 +14,7 @@ from mirelight.apps.first_job import Wish, job_for
 from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job as jobs
 from mirelight.io.atomic import write_file
+from mirelight.io.job.fields import lightings_as_tables
 from mirelight.io.job.limits import load_toml
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.scene_tables import Transform
@@ -158,13 +159,20 @@ def _of_job(path: Path, target: Path) -> Document:
     return Document(target, _named(data, work), (), False)
 
 
+def _with_captured(data: dict[str, Any], job: Job) -> dict[str, Any]:
+    """The data with the captured light, where it is among the lightings, as a lighting that has lights of its own."""
+    lightings, captured = lightings_as_tables(data.get("lightings")), data.get("captured")
+    if lightings is None or not any(table.keys() == {"name"} for table in lightings):
+        return data
+    if not isinstance(captured, dict) or not any(key in captured for key in _LIT) or captured.get("estimate"):
+        found = "the light of the capture, which is estimated"
+        raise InputError(job.source, found, "take it out, and name lightings of your own", field="lightings")
+    return {**data, "lightings": [{**captured, **x} if x.keys() == {"name"} else x for x in lightings]}
+
+
 def _named(data: dict[str, Any], job: Job) -> dict[str, Any]:
     """The data with its lights in `lightings`, each with the name and the place that it has in the job."""
-    if data.get("lightings") == "captured":
-        if not isinstance(data.get("captured"), dict):
-            found, remedy = "the light of the capture, which is estimated", "name lightings of your own"
-            raise InputError(job.source, found, remedy, field="lightings")
-        data = {**data, "lightings": [{"name": job.lightings[0].name, **data["captured"]}]}
+    data = _with_captured(data, job)
     if not isinstance(data.get("lightings"), list):
         own = {key: data[key] for key in _LIT if key in data}
         data = {key: value for key, value in data.items() if key not in _LIT}

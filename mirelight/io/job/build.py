@@ -21,8 +21,8 @@ from mirelight.io.job import (
 )
 from mirelight.io.job.assets import Assets
 from mirelight.io.job.camera_files import FromFiles
-from mirelight.io.job.fields import PROXY, SPLATS
-from mirelight.io.job.light_tables import CAPTURED, AsCaptured, Lit
+from mirelight.io.job.fields import CAPTURED, PROXY, SPLATS
+from mirelight.io.job.light_tables import Lit
 from mirelight.io.job.material_tables import MaskTable
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path as Place
@@ -75,8 +75,8 @@ def build(source: Source, table: JobTable) -> Job:
     wrong += moments.mistakes(table)
     lightings, is_moment = _lightings(table, assets, cameras_of, wrong)
     lightings, captured = _captured(table, lightings, (splats, proxy), assets, wrong)
-    if any(isinstance(x, AsCaptured) for x in table.lightings):
-        lightings, is_moment = _as_captured(captured, relight_settings(table), wrong)
+    if any(x.is_captured for x in table.lightings):
+        lightings = _with_captured(lightings, captured, relight_settings(table), wrong)
 
     def objects(tables: list[ObjectTable]) -> tuple[model.Inserted, ...]:
         return inserted.named_apart([assets.inserted(x) for x in tables])
@@ -187,7 +187,7 @@ def _dresses(table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong
 
 def _masks(table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]) -> tuple[Mask, ...]:
     """Where factors are wrong. Captured light as the only lighting is compared with itself, so there is none."""
-    if any(isinstance(x, AsCaptured) for x in table.lightings):
+    if table.lightings and all(x.is_captured for x in table.lightings):
         return ()
     found = [_mask(x, ("relight", "mask", i), assets, cameras_of, wrong) for i, x in enumerate(table.relight.mask)]
     return tuple(x for x in found if x is not None)
@@ -254,8 +254,7 @@ def _lightings(
     table: JobTable, assets: Assets, cameras_of: moments.Cameras, wrong: list[Mistake]
 ) -> tuple[tuple[Lighting, ...], list[bool]]:
     """The job's lightings, and of each whether it is a moment of lights that move: those of one share its name."""
-    named = [(i, x) for i, x in enumerate(table.lightings) if not isinstance(x, AsCaptured)]
-    tables: list[tuple[str, Lit, Place]] = [(x.name, x, ("lightings", i)) for i, x in named]
+    tables: list[tuple[str, Lit, Place]] = [(x.name, x, ("lightings", i)) for i, x in enumerate(table.lightings)]
     if not tables and (table.lights or table.lights_from or table.environment):
         tables = [("lighting", table, ())]
     if not tables:
@@ -298,15 +297,16 @@ def _captured(
     return tuple(left if x is named else x for x in lightings), left
 
 
-def _as_captured(
-    captured: Lighting | None, relight: model.RelightSettings, wrong: list[Mistake]
-) -> tuple[tuple[Lighting, ...], list[bool]]:
-    """The captured light as the job's only lighting."""
+def _with_captured(
+    lightings: tuple[Lighting, ...], captured: Lighting | None, relight: model.RelightSettings, wrong: list[Mistake]
+) -> tuple[Lighting, ...]:
+    """The lightings, with the captured light in the place of that which has its name."""
     if captured is None:
         remedy = 'add captured = "estimate", or name the light that the capture was made under'
         wrong.append(Mistake(("lightings",), "no captured light to render in", remedy))
-        return (), []
-    return (_unchanged(replace(captured, name=CAPTURED, relight=None), relight),), [False]
+        return lightings
+    own = _unchanged(replace(captured, name=CAPTURED, relight=None), relight)
+    return tuple(own if x.name == CAPTURED else x for x in lightings)
 
 
 def _unchanged(captured: Lighting, relight: model.RelightSettings) -> Lighting:

@@ -68,7 +68,7 @@ def _captured(data: dict[str, Any]) -> Iterator[Mistake]:
         return
     if not isinstance(name, str):
         return
-    names = [x.get("name") for x in _tables(data, "lightings")]
+    names = [x.get("name") for x in _tables(data, "lightings") if any(x.get(key) for key in _LIT)]
     if name not in names:
         near = closest(name, [n for n in names if isinstance(n, str)])
         remedy = f'did you mean "{near}"?' if near else "name one of the lightings, or give a table with lights"

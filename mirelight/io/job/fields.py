@@ -143,6 +143,7 @@ def existing(value: str, info: ValidationInfo) -> str:
 
 
 AssetPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(existing)]
+CAPTURED = "captured"  # the lighting of this name that has no light: the captured one
 PROXY = "proxy"  # in lights_from and cameras_from: the proxy's own file
 SPLATS = "splats"  # as the proxy's path: it is made from them
 
@@ -162,6 +163,12 @@ GltfPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), After
 def path_as_table(value: Any) -> Any:
     """The short form: a string stands for a table with that path."""
     return {"path": value} if isinstance(value, str) else value
+
+
+def lightings_as_tables(value: Any) -> Any:
+    """The word for the captured light, alone or in a list, as a table that has the name alone."""
+    listed = value if isinstance(value, list) else [value]
+    return [{"name": CAPTURED} if x == CAPTURED else x for x in listed] if CAPTURED in listed else value
 
 
 def paths_as_tables(value: Any) -> Any:

@@ -7,12 +7,14 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Field, model_validator
 
 from mirelight.io.job.fields import (
+    CAPTURED,
     GltfPath,
     Name,
     NotNegative,
     Number,
     Positive,
     Table,
+    lightings_as_tables,
     one_way,
     paths_as_tables,
     wrong,
@@ -23,7 +25,6 @@ from mirelight.io.job.scene_tables import Environment, Transform
 
 MOST_MOMENTS = 10_000  # of one lighting
 AT_CAMERAS = "camera"  # as the time of lights
-CAPTURED = "captured"  # as the job's lightings: the captured light
 ESTIMATE = "estimate"  # as `captured`
 LightUnit: TypeAlias = Literal["khr", "blender"]  # what a glTF file's intensities are
 
@@ -85,22 +86,22 @@ class LightingTable(Lit):
 
     @model_validator(mode="after")
     def _check(self) -> LightingTable:
-        if not isinstance(self, AsCaptured):
+        if self.name != CAPTURED:
             _lit(self)
         return self
 
-
-class AsCaptured(LightingTable):
-    """Stands for the captured light, as the only lighting: nothing but inserted objects changes the picture."""
-
-
-def _as_captured(value: Any) -> Any:
-    return [AsCaptured(name=CAPTURED)] if value == CAPTURED else value
+    @property
+    def is_captured(self) -> bool:
+        """True where it is the captured light, in which nothing but inserted objects changes the picture."""
+        return self.name == CAPTURED and not _has_light(self)
 
 
 Lightings: TypeAlias = Annotated[
     list[LightingTable],
-    BeforeValidator(_as_captured, json_schema_input_type=list[LightingTable] | Literal["captured"]),
+    BeforeValidator(
+        lightings_as_tables,
+        json_schema_input_type=list[LightingTable | Literal["captured"]] | Literal["captured"],
+    ),
     Field(max_length=100_000),
 ]
 
@@ -137,8 +138,12 @@ class CapturedTable(Lit):
         return self
 
 
+def _has_light(table: Lit) -> bool:
+    return bool(table.lights or table.lights_from or table.environment)
+
+
 def _lit(table: Lit) -> None:
-    if not (table.lights or table.lights_from or table.environment):
+    if not _has_light(table):
         raise wrong("no light in it", "add lights, lights_from or environment")
 
 

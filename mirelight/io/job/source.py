@@ -14,6 +14,7 @@ from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import safety
 from mirelight.io.job import overrides as overriding
 from mirelight.io.job import positions
+from mirelight.io.job.fields import lightings_as_tables
 from mirelight.io.job.limits import large_numbers, load_toml
 from mirelight.io.job.mistakes import MOST, Mistake, locate
 from mirelight.io.job.overrides import Override
@@ -93,12 +94,14 @@ def read(path: str | Path, overrides: Sequence[str | Override] = (), text: str |
     """
     over = tuple(overriding.parse(o) if isinstance(o, str) else o for o in overrides)
     text = _text(Path(path)) if text is None else text
-    data = _data(path, text)
+    data = overriding.apply(_data(path, text), over)
+    if "lightings" in data:
+        data = {**data, "lightings": lightings_as_tables(data["lightings"])}
     source = Source(
         path=Path(path).absolute(),
         shown=str(path),
         text=text,
-        data=overriding.apply(data, over),
+        data=data,
         overrides=over,
     )
     source.refuse(

@@ -62,6 +62,15 @@ def swept(
     if wrong:
         return base
     chosen = set(names if sweep.lightings is None else sweep.lightings)
+    if not all(_is_of(x.field, "relight") or _is_of(x.field, "objects") for x in sweep.axes):
+        still = {x.name for x in table.lightings if x.is_captured}
+        if still and (sweep.lightings is not None or chosen == still) and chosen & still:
+            remedy = "name lightings with lights, or take its axes of lights out"
+            wrong.append(
+                Mistake(_AT, "a sweep of the captured light, of which nothing is written", remedy, at_key=True)
+            )
+            return base
+        chosen -= still
     free = FreeNames([x.name for x in base if x.name not in chosen])
     variants = _Variants(table, sweep, axes, makers, folder, wrong)
     out: list[Lighting] = []

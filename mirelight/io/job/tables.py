@@ -56,7 +56,7 @@ class JobTable(Lit):
     lightings: Lightings = Field(
         default=[],
         description='Several named lightings, instead of lights and environment at the top; or "captured", so that '
-        "nothing but objects changes the picture.",
+        "nothing but objects changes the picture: alone, in a list, or as a table with that name and no light.",
     )
     captured: Captured | None = Field(
         default=None,

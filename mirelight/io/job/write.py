@@ -59,7 +59,8 @@ def with_lighting(source: Source, job: Job, lighting: Lighting, path: Path, comm
     if "sweep" in data:
         raise InputError(source.shown, "lightings made by a sweep", "take the sweep out of the job", field="sweep")
     captured = data.get("captured")
-    if lighting.name == (captured.get("lighting") if isinstance(captured, dict) else captured):
+    named = captured.get("lighting") if isinstance(captured, dict) else captured
+    if lighting.name == named or {"name": lighting.name} in data.get("lightings", ()):
         found = f"{lighting.name!r} is the captured light, which must stay"
         raise InputError(source.shown, found, "match another lighting", field="captured")
     if data.get("lightings"):

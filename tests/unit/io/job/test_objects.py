@@ -69,6 +69,46 @@ def test_captured_lightings_are_the_captured_light(write_job: WriteJob) -> None:
         loaded(write_job, HEAD.replace("captured = {", "# {"))
 
 
+LISTED = HEAD.replace('"captured"\n', '["captured", { name = "evening", environment = { radiance = 2 } }]\n')
+TABLES = (
+    HEAD.replace('lightings = "captured"\n', "")
+    + """
+[[lightings]]
+name = "captured"
+[[lightings]]
+name = "evening"
+environment = { radiance = 2 }
+"""
+)
+
+
+@pytest.mark.parametrize("text", [LISTED, TABLES])
+@pytest.mark.parametrize("captured", ["{ environment = { radiance = 1 } }", '"estimate"'])
+def test_the_captured_light_stands_beside_other_lightings(write_job: WriteJob, text: str, captured: str) -> None:
+    text = text.replace("captured = { environment = { radiance = 1 } }", f"captured = {captured}")
+    job = loaded(write_job, text)
+    assert job.captured is not None and [x.name for x in job.lightings] == ["captured", "evening"]
+    own = job.lightings[0]
+    assert (own.environment, own.sky) == (job.captured.environment, job.captured.sky)
+    assert not own.relight or not own.relight.repair
+    made = plan(job)
+    assert [task.name.partition(".")[2] for task in made.groups[0].tasks] == ["captured", "evening"]
+    needs = made.keys.needs(job.cameras[0], job.lightings)
+    assert len(needs.lights) == 2  # what frames are compared with is what the first is made in
+
+
+def test_of_the_captured_light_nothing_is_swept(write_job: WriteJob) -> None:
+    sweep = '\n[sweep]\naxes = [{ field = "environment.intensity", values = [1, 2] }]\n'
+    names = [x.name for x in loaded(write_job, LISTED + sweep).lightings]
+    assert names == ["captured", "evening-intensity1", "evening-intensity2"]
+    with pytest.raises(InputError, match="a sweep of the captured light"):
+        loaded(write_job, LISTED + sweep + 'lightings = ["captured"]\n')
+    with pytest.raises(InputError, match="a sweep of the captured light"):
+        loaded(write_job, HEAD + sweep)
+    with pytest.raises(InputError, match="no lighting is named 'captured'"):
+        loaded(write_job, LISTED.replace("captured = {", 'captured = "captured"#'))
+
+
 def test_objects_make_new_light_again_and_leave_captured_light(write_job: WriteJob, thing: Path) -> None:
     bare, with_one = Keys(loaded(write_job, HEAD)), Keys(loaded(write_job, HEAD + OBJECT))
     moved = Keys(loaded(write_job, HEAD + OBJECT.replace("[0, 2, 0]", "[0.1, 2, 0]")))

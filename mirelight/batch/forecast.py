@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from mirelight.model import Camera, Job, camera_checks
+from mirelight import relighting
+from mirelight.model import Camera, camera_checks
+from mirelight.model.unit_lights import LightSet, terms
 from mirelight.pipeline import keys, peak, requirements, stages
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
-from mirelight.pipeline.codecs import Codec, Packed
+from mirelight.pipeline.codecs import ARRAY, Codec, Packed, composite_of
 from mirelight.pipeline.frames import effort
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
-from mirelight.store import Store, write
+from mirelight.store import Store, layer_records, write
 
 T = TypeVar("T")
 
 _SIDE = 96  # pixels of the measured frame's longer side
 _SPP = 4
-_GEOMETRY, _LAYER, _COMPOSITE = 60, 36, 24  # bytes a pixel of kept light, of each light in it, of a composite
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +45,18 @@ class Forecast:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cost:
-    """Of a small frame, by pixel; a trace by pixel and sample."""
+    """Seconds and bytes of a small frame, by pixel; a trace by pixel and sample."""
 
-    composite: float
-    trace: float
-    finish: float
-    bytes: float
-    on_surface: bool = False  # reflected light is read there
+    composite: float = 0
+    trace: float = 0
+    finish: float = 0
+    files: float = 0  # bytes from here on
+    view: float = 0  # what is kept of a view besides its light
+    geometry: float = 0  # of each set of unit lights that is kept
+    layer: float = 0  # of each light in it
+    glow: int = 0  # 1: surfaces that glow are one more set
+    scene: int = 0  # in all: what is made once
+    cells: int = 0  # of the surface, where reflected light is read there
 
 
 def forecast(plan: Plan) -> Forecast:
@@ -63,9 +69,8 @@ def forecast(plan: Plan) -> Forecast:
     made, index = plan.keys, store.index()
     left = [g for g in plan.groups if not all(index.has(t) for t in g.tasks) or not store.has_layers(g.layers)]
     missing = {g.name: [t for t in g.tasks if g.layers or not index.has(t)] for g in left}
-    nothing = _Cost(composite=0, trace=0, finish=0, bytes=0)
-    cost = _measured(job, missing[left[0].name][0], _SceneCache(store.artefacts)) if left else nothing
-    seconds, size, traces = 0.0, 0.0, 0
+    cost = _measured(plan, missing[left[0].name][0], _Sizes(store.artefacts)) if left else _Cost()
+    seconds, size, traces = 0.0, float(cost.scene), 0
     for group in left:
         pixels = group.camera.width * group.camera.height
         sets, lights = _due(made, store, group, missing[group.name])
@@ -75,9 +80,13 @@ def forecast(plan: Plan) -> Forecast:
         composites = 1 if pinholes == 1 else pinholes * frames
         light = sets * samples * cost.trace * job.render.spp
         seconds += pixels * (composites * cost.composite + light + frames * pinholes * cost.finish)
-        size += pixels * frames * cost.bytes
+        size += pixels * frames * cost.files
         if job.output.store != "frames":
-            size += pixels * (_COMPOSITE + sets * _GEOMETRY + lights * _LAYER)
+            glow = cost.glow if sets else 0
+            size += pixels * (cost.view + (sets + glow) * cost.geometry + (lights + glow) * cost.layer)
+    fills = int(not store.has_layers([made.surface_transport])) if cost.cells else None
+    gathered = [x for key, x in _on_surface(plan, missing).items() if not store.has_layers([key])] if cost.cells else []
+    size += _of_surface(cost.cells, bool(fills), gathered) if cost.cells else 0
     frames = sum(len(g.tasks) for g in plan.groups)
     return Forecast(
         frames=frames,
@@ -85,8 +94,8 @@ def forecast(plan: Plan) -> Forecast:
         cameras=len(plan.groups),
         lightings=max(len(g.tasks) for g in plan.groups),
         traces=traces,
-        fills=int(not store.has_layers([made.surface_transport])) if cost.on_surface else None,
-        gathered=sum(not store.has_layers([x]) for x in _on_surface(plan, missing)) if cost.on_surface else 0,
+        fills=fills,
+        gathered=len(gathered),
         seconds=seconds,
         bytes=round(size),
         memory=_memory(plan),
@@ -94,12 +103,22 @@ def forecast(plan: Plan) -> Forecast:
     )
 
 
-def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> set[str]:
-    """Keys of the unit lights on the surface that frames are made from."""
+def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> dict[str, LightSet]:
+    """The unit lights on the surface that frames are made from, by their keys."""
     made = plan.keys
     needs = [needs for group in plan.groups if (needs := _lit_needs(made, group, missing.get(group.name, [])))]
     sets = {s.digest: s for x in needs for s in x.sets}
-    return {made.surface_light(part) for one in sets.values() for part in one.parts()}
+    return {made.surface_light(part): part for one in sets.values() for part in one.parts()}
+
+
+def _of_surface(cells: int, fills: bool, gathered: Iterable[LightSet]) -> int:
+    """Bytes of light on so many cells, and of how it goes between them. Lights that no ray meets have an array less."""
+    from mirelight.lighting.trace import CELL_SAMPLES
+    from mirelight.lighting.transport import size_of_links
+
+    lamps = [bool(x.units) and all(u.environment is None and u.sky is None for u in x.units) for x in gathered]
+    lights = cells * 2 * 3 * 4 * sum(2 if is_lamp else 3 for is_lamp in lamps)
+    return lights + (size_of_links(cells, CELL_SAMPLES) if fills else 0)
 
 
 def _memory(plan: Plan) -> int:
@@ -122,7 +141,7 @@ def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) 
     if needs is None:
         return 0, 0
     due = [s for s, key in zip(needs.sets, needs.lights, strict=True) if not store.has_layers([key])]
-    return len(due), sum(max(1, len(s.units)) for s in due)
+    return len(due), sum(max(1, len(s.units) if s.whole is None else len(tuple(terms(s.whole)))) for s in due)
 
 
 def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> requirements.FrameNeeds | None:
@@ -131,26 +150,45 @@ def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> requi
     return made.needs(group.camera, wanted) if wanted else None
 
 
-class _SceneCache(NullCache):
-    """What scenes need, found where a job keeps it and else kept in memory: it is made once, and nothing is written."""
+class _Sizes(NullCache):
+    """Keeps what is made once in memory, unless it is kept beneath, and nothing of views; counts the bytes of both."""
 
     def __init__(self, beneath: ArtefactCache) -> None:
         self._beneath = beneath
         self._made: dict[str, Packed] = {}
+        self.sets = self.layers = 0  # of traced light
+        self.of_sets = self.of_layers = self.of_views = 0  # bytes: those of sets without their layers
 
     def get(self, key: str, codec: Codec[T]) -> T | None:
         """Nothing of views: what they take is measured."""
         if key in self._made:
             return codec.unpack(self._made[key])
-        return self._beneath.get(key, codec) if codec.place == "scene" else None
+        return self._beneath.get(key, codec) if codec.place != "view" else None
+
+    def has(self, key: str, codec: Codec[T]) -> bool:
+        """Whether it need not be made."""
+        return key in self._made or (codec.place != "view" and self._beneath.has(key, codec))
 
     def put(self, key: str, value: T, codec: Codec[T]) -> None:
-        """Keeps what is of a scene."""
-        if codec.place == "scene":
-            self._made[key] = codec.pack(value)
+        """Keeps what is not of a view."""
+        packed = codec.pack(value)
+        if codec.place != "view":
+            self._made[key] = packed
+        elif "layers" in packed.about:
+            of_layers = sum(x.nbytes for name, x in packed.arrays.items() if "layers." in name)
+            self.sets, self.layers = self.sets + 1, self.layers + len(packed.about["layers"])
+            self.of_sets, self.of_layers = self.of_sets + packed.nbytes - of_layers, self.of_layers + of_layers
+        else:
+            self.of_views += packed.nbytes
+
+    @property
+    def of_scene(self) -> int:
+        """Bytes of all that is not of a view."""
+        return sum(x.nbytes for x in self._made.values())
 
 
-def _measured(job: Job, task: FrameTask, kept: ArtefactCache) -> _Cost:
+def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
+    job = plan.job
     small = task.camera.scaled(min(1.0, _SIDE / max(task.camera.width, task.camera.height)))
     spp = min(_SPP, job.render.spp)
     with tempfile.TemporaryDirectory() as folder:
@@ -158,15 +196,43 @@ def _measured(job: Job, task: FrameTask, kept: ArtefactCache) -> _Cost:
         # light on the surface is counted, not timed: gathering it takes longer than all the rest here
         quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp, indirect="traced"), output=output)
         _once(prepare(quick, kept), small, task, Path(folder))
-        scene = prepare(quick, kept)
+        sizes = _Sizes(kept)
+        scene = prepare(quick, sizes)
         if quick.splats is not None:
             _ = scene.compositor
         if task.lighting is not None:
             _ = scene.tracer, scene.captured_level
             scene.make_ready(job.objects_of(task.lighting, small))  # once for all frames: what mirrors show takes long
         cost = _once(scene, small, task, Path(folder))
-    there = task.lighting is not None and prepare(job, like=scene).surface_light is not None
-    return replace(cost, on_surface=there)
+    pixels = small.width * small.height
+    if scene.job.splats is not None:
+        composite = scene.composite(small.pinhole)
+        sizes.put("", composite, composite_of(small, composite.profile, composite.linear))
+    whole = prepare(job, kept, like=scene)
+    cells = 0 if task.lighting is None or whole.surface_light is None else len(whole.surface_light.cells)
+    if job.output.store != "frames":
+        layer_records.keep_around(plan, kept, scene.resolved)
+    return replace(
+        cost,
+        view=sizes.of_views / pixels,
+        geometry=sizes.of_sets / max(sizes.sets, 1) / pixels,
+        layer=sizes.of_layers / max(sizes.layers, 1) / pixels,
+        glow=int(task.lighting is not None and scene.glows),
+        scene=kept.of_scene + _of_splats(scene, plan),
+        cells=cells,
+    )
+
+
+def _of_splats(scene: Scene, plan: Plan) -> int:
+    """Bytes of light on splats, where frames take it and it is not kept."""
+    job, made = scene.job, plan.keys
+    lit = [x for x in job.lightings if relighting.per_splat(job.relight_of(x))]
+    if scene.splats is None or not lit:
+        return 0
+    mixtures = (made.splat_sets.mixture(x) for x in requirements.with_compared(job, lit))
+    sets = {made.splat_light(s, plan.job.render.spp): s for x in mixtures for s in x.sets}
+    due = sum(len(s.units) for key, s in sets.items() if not scene.kept.has(key, ARRAY))
+    return due * len(scene.splats) * 3 * 4
 
 
 def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
@@ -189,5 +255,5 @@ def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
         composite=(composited - began) / pixels,
         trace=(traced - composited) / pixels / sets / job.render.spp,
         finish=(done - traced) / pixels,
-        bytes=sum(x.stat().st_size for x in folder.iterdir()) / pixels,
+        files=sum(x.stat().st_size for x in folder.iterdir()) / pixels,
     )

@@ -69,6 +69,15 @@ class _Places:
         return _Places(*(np.concatenate([getattr(x, name) for x in rows]) for name in _Places.__slots__))
 
 
+def size_of_links(cells: int, rays: int) -> int:
+    """About how many bytes a `SurfaceTransport` takes whose cells have all the places without one that they may."""
+    return cells * (8 * _rays_of_each(cells, rays) + 2 * STAND_INS * 32)
+
+
+def _rays_of_each(cells: int, rays: int) -> int:
+    return max(min(rays, 1 << max(MOST_RAYS // max(cells, 1), 1).bit_length() - 1), FEWEST)
+
+
 def trace_links(
     surface: DeviceProxy, cells: SurfaceCells, settings: RenderSettings, rays: int, progress: CountProgress
 ) -> SurfaceTransport:
@@ -88,7 +97,7 @@ def trace_links(
     from mirelight.lighting.kernel.transport import LANES, cast
 
     count, seed = len(cells), (settings.seed + 0x51F15EED) & 0xFFFFFFFF
-    each = max(min(rays, 1 << max(MOST_RAYS // max(count, 1), 1).bit_length() - 1), FEWEST)
+    each = _rays_of_each(count, rays)
     refuse_if_too_many_rays(count * each, settings.max_memory)
     table, points = on_device(cells, np.zeros((1, 1, 3), np.float32)), CellPoints(cells)
     target, albedo = np.zeros((2, each, count), np.uint32)

@@ -468,3 +468,6 @@ def test_a_dry_run_counts_and_makes_nothing(tmp_path: Path, capsys: pytest.Captu
     made = sum(x.stat().st_size for x in (tmp_path / "out").rglob("*") if x.is_file())
     forecast = float(second[2].split()[1]) * 1e6
     assert 0.5 < forecast / made < 2  # the other camera's files
+    assert cli.main(["render", str(path), "-q"]) == 0
+    made = sum(x.stat().st_size for x in (tmp_path / "out").rglob("*") if x.is_file())
+    assert made == pytest.approx(float(first[2].split()[1]) * 1e6, rel=0.25)

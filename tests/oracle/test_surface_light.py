@@ -202,6 +202,8 @@ def test_turning_the_sky_takes_no_new_fill(tmp_path: Path) -> None:
     before = forecast(plan(first))
     assert (before.fills, before.gathered) == (1, 2)
     made(first)
+    kept = sum(x.stat().st_size for x in tmp_path.rglob("*") if x.is_file())
+    assert kept == pytest.approx(before.bytes, rel=0.25), "what lies on the surface is most of it"
     swept = replace(first, lightings=(*first.lightings, turned(180), turned(270)))
     after = forecast(plan(swept))
     assert (after.fills, after.gathered) == (0, 2)

@@ -44,7 +44,7 @@ def run_new(args: argparse.Namespace) -> int:
     objects = tuple(existing(x) for x in args.objects)
     found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects, estimated=True))
     write_file(out, found.text)
-    notes = (found.up, *found.not_taken, found.as_captured)
+    notes = (found.up, *found.notes, found.as_captured)
     go_on = f"{out} is written; go on with: mirelight render {out}"
     say.outcome(args, {"files": [out], "notes": notes}, [*notes, go_on])
     return 0
@@ -98,7 +98,7 @@ def first_job(path: str, light: str, overrides: list[Override], note: Callable[[
 
     capture = _capture(path)
     found = job_for(capture, Path.cwd(), Wish(light=light))
-    for line in found.not_taken:
+    for line in found.notes:
         note(line)
     return job.load_text(found.text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)
 

@@ -16,7 +16,7 @@ import pytest
 import trimesh
 
 from mirelight import cli
-from mirelight.apps.first_job import Wish, beside, job_for, up, view
+from mirelight.apps.first_job import Wish, beside, job_for, objects, up, view
 from mirelight.apps.first_job.lighting import _candela
 from mirelight.apps.inspect.facts import MeshFacts, SplatFacts
 from mirelight.apps.inspect.inspect import inspect, of_job
@@ -173,6 +173,28 @@ def test_objects_stand_before_the_camera_in_the_captures_own_light(tmp_path: Pat
         assert at[2] < 0 and abs(at[0] / at[2]) < 0.4
     low, high = work.objects[0].mesh.value.bounds
     assert 0.05 < np.max(high - low) / np.linalg.norm(camera.position) < 0.3 < 90  # scaled to what shows
+
+
+def test_a_set_of_things_has_the_size_of_its_largest(tmp_path: Path) -> None:
+    """Parts that touch are one thing; what stands apart is told, and counts for no size."""
+
+    def box(x: float, size: float) -> list[list[float]]:
+        return [[x, 0, 0], [x + size, 0, 0], [x, size, 0], [x, 0, size]]
+
+    vertices = np.array([*box(0, 40), *box(40, 30), *box(300, 20)], np.float32)
+    sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
+    parts = [trimesh.Trimesh(vertices[4 * k : 4 * k + 4], sides, process=False) for k in range(3)]
+    trimesh.Scene(dict(zip(("seat", "leg", "mug"), parts, strict=True))).export(tmp_path / "set.glb")
+    file = objects.MeshFile.read(tmp_path / "set.glb")
+    assert [(x.name, x.size) for x in file.things] == [("seat", 70), ("mug", 20)]
+    assert file.said.startswith("set.glb holds 2 things, 3.2e+02 units across: seat (70), mug (20); ")
+    shutil.copy(SCENES / "stage" / "splats.compressed.ply", tmp_path / "capture.compressed.ply")
+    found = job_for(tmp_path / "capture.compressed.ply", tmp_path, Wish(objects=(tmp_path / "set.glb",)))
+    assert file.said in found.notes and f"# {file.said}." in found.text
+    work = job.load_text(found.text, tmp_path / "job.toml")
+    seat = work.objects[0].mesh.value.vertices[:8]
+    (camera,) = work.cameras
+    assert 0.05 < np.ptp(seat, axis=0).max() / np.linalg.norm(camera.position) < 0.3
 
 
 def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Path) -> None:
@@ -415,7 +437,7 @@ def test_lights_beside_a_capture_that_cannot_be_used_are_said_with_why(tmp_path:
     found = job_for(tmp_path / "capture.ply", tmp_path)
     work = job.load_text(found.text, tmp_path / "job.toml")
     assert [x.name for x in work.lightings] == ["lamp", "spots"]
-    of_mesh, *of_lights = found.not_taken
+    of_mesh, *of_lights = found.notes
     assert of_mesh.startswith("proxy.glb beside the capture cannot be used: no glTF file")
     assert of_lights == [
         f"{name} beside the capture cannot be used: {why}; no light is taken from it."
@@ -425,8 +447,8 @@ def test_lights_beside_a_capture_that_cannot_be_used_are_said_with_why(tmp_path:
             ("c.exr", "6 x 2 pixels, and a panorama is twice as wide as high"),
         )
     ]
-    assert {f"# {line}" for line in found.not_taken} <= set(found.text.splitlines())
-    assert not job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).not_taken[1:]  # none is looked at
+    assert {f"# {line}" for line in found.notes} <= set(found.text.splitlines())
+    assert not job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).notes[1:]  # none is looked at
 
 
 def test_the_same_splats_in_another_format_are_no_mesh_that_is_not_taken(tmp_path: Path) -> None:

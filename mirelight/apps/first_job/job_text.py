@@ -48,7 +48,7 @@ class FirstJob:
     text: str
     up: str  # how many splats, and which way is up in them
     as_captured: str  # how bright they are
-    not_taken: tuple[str, ...]  # what beside the capture is of no use, and why
+    notes: tuple[str, ...]  # what beside the capture is of no use, and why; what objects' files hold
 
 
 def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
@@ -83,6 +83,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     m = np.eye(4)
     m[:3, :3] = turn
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
+    meshes = [objects.MeshFile.read(x) for x in wish.objects]
     proxy, misfit = beside.proxy(capture, cloud, turn)
     looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
     outside = cameras is not None and beside.around(cameras, cloud)
@@ -116,12 +117,12 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         f"# {seen.brightness}",
         *(() if known is not None or asked else _assumed(seen, proxy)),
         *(() if wish.as_captured else lighting.lightings(world, seen, wish.light, lit, dark, level, named)),
-        *objects.objects(wish.objects, seen, named),
+        *objects.objects(meshes, seen, named),
         *_sky(known=(known is not None or asked) and not wish.as_captured),
         *_rest(finer=cameras is not None and _finer(cameras, seen, wish)),
     ]
-    not_taken = tuple(str(x) for x in (misfit, unread, *dark) if x is not None)
-    return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, not_taken)
+    notes = (*(str(x) for x in (misfit, unread, *dark) if x is not None), *(x.said for x in meshes if x.said))
+    return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, notes)
 
 
 def _refuse_no_surface(capture: Path, world: SplatCloud, seen: view.FirstView, misfit: beside.Misfit | None) -> None:

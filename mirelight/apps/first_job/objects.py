@@ -3,44 +3,111 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
 from mirelight.apps.first_job import view
 from mirelight.apps.first_job.toml_text import Names, position
+from mirelight.base.errors import printable
 from mirelight.io import mesh
+from mirelight.model import F64, I32, ProxyMesh, shown
 
 _SHOWS = (0.02, 0.5)  # of how far away it is: the size of an object that is kept as its file has it
 _SIZE = 0.15  # of any other
+_WIDEST = 1.0  # and at most so much for a file of several things
 _NEARER = 0.25  # of the way from what the picture looks at to the camera
 _APART = 0.25  # of that way, from one to the next
+_JOINED = 0.01  # of a file's size: parts that are so near each other are one thing
 
 
-def objects(files: Sequence[Path], seen: view.FirstView, named: Names) -> Iterator[str]:
-    """The tables of objects.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Thing:
+    """Parts of a file that touch each other, by their boxes."""
 
-    Raises:
-        InputError: a file that is no mesh.
-    """
+    name: str  # of its largest part
+    low: F64  # (3,)
+    high: F64  # (3,)
+
+    @property
+    def size(self) -> float:
+        """Its longest side."""
+        return float((self.high - self.low).max())
+
+    def near(self, other: _Thing, gap: float) -> bool:
+        """Whether both are one."""
+        return bool(np.all(self.low - gap <= other.high) and np.all(other.low - gap <= self.high))
+
+    def joined(self, other: _Thing) -> _Thing:
+        """Both as one."""
+        name = max(self, other, key=lambda x: x.size).name
+        return _Thing(name, np.minimum(self.low, other.low), np.maximum(self.high, other.high))
+
+
+@dataclass(frozen=True, slots=True)
+class MeshFile:
+    """A mesh that is put into a capture."""
+
+    path: Path
+    things: tuple[_Thing, ...]  # that it holds, the largest first; its whole box is theirs
+
+    @staticmethod
+    def read(path: Path) -> MeshFile:
+        """Raises InputError where it is no mesh."""
+        found = mesh.read_mesh(path)
+        owners = np.zeros(len(found.faces), np.int32) if found.face_nodes is None else found.face_nodes
+        parts = (_part(found, name, found.faces[owners == i]) for i, name in enumerate(found.nodes) if i in owners)
+        gap = _JOINED * float(np.ptp(found.bounds, axis=0).max())
+        things: list[_Thing] = []
+        for thing in parts:
+            while near := [x for x in things if x.near(thing, gap)]:  # what is joined may be near to more
+                things = [x for x in things if x not in near]
+                thing = reduce(_Thing.joined, near, thing)
+            things.append(thing)
+        return MeshFile(path, tuple(sorted(things, key=lambda x: -x.size)))
+
+    @property
+    def whole(self) -> _Thing:
+        """All of it."""
+        return reduce(_Thing.joined, self.things)
+
+    @property
+    def said(self) -> str:
+        """What it holds, for people; empty where it is one thing."""
+        if len(self.things) == 1:
+            return ""
+        each = shown.names([f"{x.name} ({x.size:.2g})" for x in self.things])
+        held = f"{self.path.name} holds {len(self.things)} things, {self.whole.size:.2g} units across: {each}"
+        return printable(f"{held}; they stay as they stand to each other, in the size of {self.things[0].name}")
+
+
+def _part(of: ProxyMesh, name: str, faces: I32) -> _Thing:
+    corners = of.vertices[np.unique(faces)].astype(np.float64)
+    return _Thing(name, corners.min(axis=0), corners.max(axis=0))
+
+
+def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> Iterator[str]:
+    """The tables of objects."""
     eye, target = seen.camera.position, np.asarray(seen.target)
     way = np.asarray(eye - target)
     away = float(np.linalg.norm(way))
-    for i, path in enumerate(files):
-        low, high = mesh.read_mesh(path).bounds
-        size = float((high - low).max())
-        scale = 1.0
-        if size > 0 and not _SHOWS[0] * away <= size <= _SHOWS[1] * away:
-            scale = float(f"{_SIZE * away / size:.2g}")
+    for i, file in enumerate(files):
+        whole, size, scale = file.whole, file.things[0].size, 1.0
+        if size > 0 and not (_SHOWS[0] * away <= size <= _SHOWS[1] * away and whole.size <= _WIDEST * away):
+            scale = float(f"{min(_SIZE * away / size, _WIDEST * away / whole.size):.2g}")
         beside = (i - (len(files) - 1) / 2) * _APART * away * seen.camera.world_from_camera[:3, 0]
         place = target + _NEARER * way + beside
-        place[1] = max(float(eye[1]), float(target[1])) - scale * float(high[1])  # its top as high as the eye
-        place -= scale * np.array([(low[0] + high[0]) / 2, 0, (low[2] + high[2]) / 2])
+        place[1] = max(float(eye[1]), float(target[1])) - scale * float(whole.high[1])  # its top as high as the eye
+        place -= scale * (whole.low + whole.high) / 2 * (1, 0, 1)
         yield ""
         if i == 0:
             yield "# They stand on whatever of the proxy lies under them; move them by x and z."
+        if file.said:
+            yield f"# {file.said}."
         yield "[[objects]]"
-        yield f"path = {named(path)}"
+        yield f"path = {named(file.path)}"
         yield "drop = true"
         scaled = "" if scale == 1 else f", scale = {scale:g}"
         yield f"transform = {{ translation = {position(place, seen)}, rotation_euler = [0, 0, 0]{scaled} }}"

@@ -145,7 +145,7 @@ def edits_of(asked: Mapping[str, Any]) -> dict[str, Any]:
 def _of_capture(path: Path, target: Path, up: str) -> Document:
     found = job_for(path, target.parent, Wish(up=way_of(up)))
     data = load_toml(found.text)
-    return Document(target, _named(data, jobs.load_text(found.text, target)), (found.up, *found.not_taken), True, up)
+    return Document(target, _named(data, jobs.load_text(found.text, target)), (found.up, *found.notes), True, up)
 
 
 def _of_job(path: Path, target: Path) -> Document:

@@ -50,7 +50,6 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_estimate(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
-    from mirelight.estimate import estimate
     from mirelight.estimate.describe import described, unknown
     from mirelight.io.environment import write_environment
     from mirelight.io.gltf.write import check_light
@@ -67,16 +66,15 @@ def run_estimate(args: argparse.Namespace) -> int:
         for light in lights:
             check_light(out, light)
     scene = Scene(work, NullCache(), None if args.quiet else say.remark)  # unchecked: nothing is rendered of it
-    splats, mesh = scene.splats, scene.mesh
-    assert splats is not None and mesh is not None
-    found = estimate(splats, mesh, work.render, args.exposure, lights, scene.views)
-    scene.keep_estimate(_sky(work, args.exposure, lights), found)
+    sky = _sky(work, args.exposure, lights)
+    found = scene.estimate(sky)
+    scene.keep_estimate(sky, found)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
-    sky = found.lighting.environment
-    assert sky is not None
+    around = found.lighting.environment
+    assert around is not None
     notes = ["Captured light, estimated from splats and proxy.", *lines, *(f"not known: {line}" for line in doubts)]
-    write_environment(exr, sky.pixels)
+    write_environment(exr, around.pixels)
     use, files = _written(out, exr, work, found.lighting, notes)
     if camera is not None:
         files.append(out.with_suffix(".png"))

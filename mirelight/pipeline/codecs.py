@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Generic, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mirelight.model import (
     Camera,
     CellLight,
+    Light,
     LightingBuffer,
     LightLayer,
     Matte,
@@ -23,10 +24,14 @@ from mirelight.model import (
 )
 from mirelight.model.planes import OBJECT_MATTE
 
+if TYPE_CHECKING:
+    from mirelight.estimate import Estimate
+
 T = TypeVar("T")
 Place: TypeAlias = Literal["scene", "surface", "view"]  # what an artefact is made for
 
 _OBJECTS = "objects."  # before the names of arrays of what inserted objects show
+_TRUST = "confidence."  # and of those of what speaks for an estimate
 _KINDS = ("lights", "environment", "emission")  # of `CellLight`
 
 
@@ -96,6 +101,29 @@ def array_of(shape: Sequence[int]) -> Codec[NDArray[Any]]:
         return values
 
     return replace(ARRAY, unpack=unpack)
+
+
+def estimate_of(lights: Sequence[Light]) -> Codec[Estimate]:
+    """An estimate of captured light, and all that speaks for it; of the lights that it was given what was found."""
+
+    def pack(found: Estimate) -> Packed:
+        named = np.array([[*x.color, x.intensity] for x in found.named], np.float64).reshape(-1, 4)
+        own = {x: np.asarray(getattr(found, x)) for x in ("to_sun", "sun", "sun_diameter", "lamps", "radiance")}
+        trust = {_TRUST + f.name: np.asarray(getattr(found.confidence, f.name)) for f in fields(found.confidence)}
+        return Packed({**own, **trust, "named": named})
+
+    def unpack(packed: Packed) -> Estimate:
+        from mirelight.estimate import Confidence, Estimate
+
+        own = dict(packed.arrays)
+        trust: dict[str, Any] = {x.removeprefix(_TRUST): own.pop(x).tolist() for x in list(own) if x.startswith(_TRUST)}
+        trust = {name: tuple(x) if isinstance(x, list) else x for name, x in trust.items()}
+        both = zip(lights, own.pop("named").tolist(), strict=True)
+        named = tuple(replace(light, color=np.array(rgb), intensity=strength) for light, (*rgb, strength) in both)
+        diameter = float(own.pop("sun_diameter"))
+        return Estimate(sun_diameter=diameter, named=named, confidence=Confidence(**trust), **own)
+
+    return Codec("scene", pack, unpack)
 
 
 # --- of a surface ----------------------------------------------------------------------------------------------------

@@ -28,13 +28,14 @@ from mirelight.model import (
     SplatLayer,
     SurfaceCache,
     camera_checks,
+    digest,
 )
 from mirelight.model.unit_lights import LightSet, Mixture, Unit
 from mirelight.pipeline import beyond, frame_diagnostics, keys, requirements
 from mirelight.pipeline.artefact_cache import ArtefactCache, made_once
 from mirelight.pipeline.backdrops import around_unit
 from mirelight.pipeline.cache import UserCache
-from mirelight.pipeline.codecs import ARRAY, MESH, Codec, array_of
+from mirelight.pipeline.codecs import ARRAY, MESH, Codec, array_of, estimate_of
 from mirelight.pipeline.frame_clock import FrameClock, for_all_frames
 from mirelight.pipeline.surface_light import SurfaceLight
 from mirelight.relighting import FarMaps
@@ -203,7 +204,7 @@ class Prepared:
     def _estimated(self, sky: EstimatedSky) -> Lighting:
         """The light that the splats were captured under: found where it was kept, or estimated; even light in place of
         an estimate that is doubted."""
-        from mirelight.estimate import estimate, lighting_of
+        from mirelight.estimate import lighting_of
         from mirelight.estimate.describe import doubts
         from mirelight.estimate.even import is_even
 
@@ -212,11 +213,7 @@ class Prepared:
         if known is None:
             packed = self._shared(key, ARRAY)
             if packed is None:
-                splats, mesh = self.splats, self.mesh
-                assert splats is not None and mesh is not None
-                self._tell("estimating the captured light from the splats; it is kept for the next time")
-                settings = replace(self.job.render, seed=sky.seed)
-                found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
+                found = self.estimate(sky)
                 for doubt in doubts(found):
                     self._tell(f'the captured light is not known: {doubt}; relight.mode = "tint" needs none')
                 packed = self.keep_estimate(sky, found)
@@ -228,11 +225,29 @@ class Prepared:
                 )
         return known
 
+    def estimate(self, sky: EstimatedSky) -> Estimate:
+        """What the splats tell of the captured light, doubted or not: found where the user's cache has it, or made."""
+        from mirelight.estimate import estimate
+
+        key, codec = digest("estimate in full", self.keys.estimate(sky)), estimate_of(sky.lights)
+        found = self._of_user.get(key, codec)
+        if found is None:
+            splats, mesh = self.splats, self.mesh
+            assert splats is not None and mesh is not None
+            self._tell("estimating the captured light from the splats; it is kept for the next time")
+            settings = replace(self.job.render, seed=sky.seed)
+            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
+            self._of_user.put(key, found, codec)
+        return found
+
     def keep_estimate(self, sky: EstimatedSky, found: Estimate) -> F32:
         """Keep what was found, or even light where that is doubted, as numbers (N,), for every job that asks for the
         same; says what is kept."""
         from mirelight.estimate.even import or_even
 
+        kept = self._shared(self.keys.estimate(sky), ARRAY)
+        if kept is not None:
+            return kept
         splats, mesh = self.splats, self.mesh
         assert splats is not None and mesh is not None
         taken = or_even(found, splats, mesh, replace(self.job.render, seed=sky.seed), self.views)

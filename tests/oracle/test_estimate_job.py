@@ -182,6 +182,31 @@ def test_every_command_finds_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -
         np.testing.assert_array_equal(light.environment.pixels, found)
 
 
+def test_it_is_kept_with_all_that_is_said_of_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command finds what it, or a render, made before: the same files, the same words."""
+    lamp = PointLight(name="lamp", position=np.array([1.0, 1, 1]), color=np.array([1, 0.7, 0.3]), intensity=2.1)
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: told(3.0, lamp))
+    (folder / "lamp.toml").write_text(
+        JOB.replace(
+            '"estimate"', '{ estimate = true, lights = [{ name = "lamp", type = "point", position = [1, 1, 1] }] }'
+        )
+    )
+    work = job.load(folder / "lamp.toml")
+    assert work.captured is not None
+    prepare(work).resolved(work.captured)
+    monkeypatch.setattr("mirelight.estimate.estimate", None)  # not called again
+    said = []
+    for name in ("first", "second"):
+        assert main(["estimate", str(folder / "lamp.toml"), "-o", str(folder / f"{name}.toml"), "--json"]) == 0
+        said.append(json.loads(capsys.readouterr().out.replace(f"{name}.", "found.")))
+    assert said[0] == said[1] and len(said[0]["captured"]["lights"]) == 2
+    both = [(folder / f"{name}.exr").read_bytes() for name in ("first", "second")]
+    assert both[0] == both[1]
+    np.testing.assert_array_equal(read_environment(folder / "first.exr"), told(3.0).radiance.astype(np.float32))
+
+
 def test_a_frame_is_relit_by_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: told(3.0))
     work = loaded(folder)

@@ -19,7 +19,6 @@ from mirelight.apps.studio import around, early
 from mirelight.base.errors import MirelightError
 from mirelight.batch import executor
 from mirelight.batch.preview import Previews
-from mirelight.estimate import estimate
 from mirelight.estimate.describe import described, doubts
 from mirelight.io import job as jobs
 from mirelight.model import EstimatedSky, Frame
@@ -67,7 +66,7 @@ def _estimate(scene: Scene, say: Say) -> bool:
     sky = None if scene.job.captured is None else scene.job.captured.sky
     assert isinstance(sky, EstimatedSky) and scene.splats is not None and scene.mesh is not None
     say(line="finding the captured light")
-    found = estimate(scene.splats, scene.mesh, scene.job.render, views=scene.views)
+    found = scene.estimate(sky)
     scene.keep_estimate(sky, found)
     against = [f"not known: {x}" for x in doubts(found)][:1]
     sound = not against

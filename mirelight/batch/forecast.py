@@ -197,11 +197,8 @@ def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
         quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp, indirect="traced"), output=output)
         _once(prepare(quick, kept), small, task, Path(folder))
         sizes = _Sizes(kept)
-        scene = prepare(quick, sizes)
-        if quick.splats is not None:
-            _ = scene.compositor
+        scene = prepare(quick, sizes).ready(lit=task.lighting is not None)
         if task.lighting is not None:
-            _ = scene.tracer, scene.captured_level
             scene.make_ready(job.objects_of(task.lighting, small))  # once for all frames: what mirrors show takes long
         cost = _once(scene, small, task, Path(folder))
     pixels = small.width * small.height

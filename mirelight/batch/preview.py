@@ -88,11 +88,7 @@ class Previews:
         self._progress.note(
             f"first a quick picture of {'the frame' if count == 1 else f'{count} frames'}, NAME.preview.png"
         )
-        if scene.job.splats is not None:
-            _ = scene.compositor  # made ready there, so that it is shared
-        if any(task.lighting is not None for tasks in due for task in tasks):
-            _ = scene.tracer, scene.captured_level
-        quick = quick_scene(scene)
+        quick = quick_scene(scene.ready(lit=any(task.lighting is not None for tasks in due for task in tasks)))
         for task in (x for tasks in due for x in tasks):
             try:
                 self._store.put_preview(task, quick_frame(quick, task))

@@ -103,15 +103,12 @@ def _checked(work: Job, heat: str | None) -> Check | None:
             raise
         return None
     if heat is not None and found.quality is not None:
-        from mirelight.io.atomic import output_error
+        from mirelight.io.folders import NewFolders
         from mirelight.io.png import write_png
         from mirelight.pipeline.plan import camera_names
 
         folder = Path(heat)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise output_error(folder, error) from None
+        NewFolders(folder).make()
         for name, view in zip(camera_names(work.cameras), found.quality.by_view, strict=True):
             write_png(folder / f"{name}.png", view.heat, {})
     return found

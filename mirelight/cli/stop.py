@@ -16,15 +16,10 @@ from mirelight.cli.progress import Tally
 from mirelight.pipeline.plan import FrameTask
 
 
-class Watched(Progress):
-    """Passes everything on and raises a noted signal after it.
+class Signals:
+    """SIGINT and SIGTERM are noted, and raised between two steps of the work; a second one at once."""
 
-    The first SIGINT or SIGTERM waits for the next call; a second one is raised at once.
-    """
-
-    def __init__(self, tally: Tally) -> None:
-        self._tally = tally
-        self._noted: int | None = None
+    noted: int | None = None
 
     def __enter__(self) -> Self:
         self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -34,52 +29,63 @@ class Watched(Progress):
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
+    def check(self) -> None:
+        """Raises what was noted."""
+        if self.noted == signal.SIGINT:
+            raise KeyboardInterrupt
+        if self.noted is not None:
+            raise SystemExit(TERMINATED)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        again, self.noted = self.noted is not None, number
+        if again:
+            Signals.check(self)
+
+
+class Watched(Signals, Progress):
+    """Passes everything on and raises a noted signal after it."""
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+
     def started(self, tasks: Sequence[FrameTask]) -> None:
         """Starts counting, unless a signal has asked to stop."""
         self._tally.started(tasks)
-        self._raise_noted()
+        self.check()
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         """Samples of the frame in progress."""
         self._tally.samples(task, done, total)
-        self._raise_noted()
+        self.check()
 
     def finished(self, task: FrameTask, seconds: float | None) -> None:
         """Counts a finished frame, then stops where a signal has asked for it."""
         self._tally.finished(task, seconds)
-        self._raise_noted()
+        self.check()
 
     def note(self, line: str) -> None:
         """Prints a line, then stops where a signal has asked for it."""
         self._tally.note(f"mirelight: {line}")
-        self._raise_noted()
+        self.check()
 
     def failed(self, task: FrameTask, error: str) -> None:
         """A frame could not be made."""
         self._tally.failed(task, error)
-        self._raise_noted()
+        self.check()
 
     def working(self, frames: Sequence[str]) -> None:
         """What worker processes are on."""
         self._tally.working(frames)
-        self._raise_noted()
+        self.check()
 
     def waiting(self, cameras: int) -> None:
         """Others make what is left."""
         self._tally.waiting(cameras)
-        self._raise_noted()
+        self.check()
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        again, self._noted = self._noted is not None, number
-        if again:
-            self._raise_noted()
+        super()._note(number, frame)
         self._tally.stopping()
-
-    def _raise_noted(self) -> None:
-        if self._noted == signal.SIGINT:
-            raise KeyboardInterrupt
-        if self._noted is not None:
-            raise SystemExit(TERMINATED)
 
 
 def exit_code(error: BaseException) -> int | None:

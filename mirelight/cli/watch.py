@@ -7,7 +7,6 @@ import signal
 import sys
 import time
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, MirelightError, printable
@@ -15,6 +14,7 @@ from mirelight.batch.executor import Progress
 from mirelight.cli.codes import TERMINATED
 from mirelight.cli.new import refuse_capture
 from mirelight.cli.options import order_of
+from mirelight.cli.stop import Signals
 
 if TYPE_CHECKING:
     from mirelight.apps.watch.files import Files
@@ -72,29 +72,11 @@ class _Ended(BaseException):
         super().__init__()
 
 
-class _Signals:
-    """SIGINT and SIGTERM are noted, and raised between two steps of the work; a second one at once."""
-
-    def __init__(self) -> None:
-        self._noted: int | None = None
-
-    def __enter__(self) -> _Signals:
-        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
+class _Signals(Signals):
     def check(self) -> None:
         """Ends the command where a signal has asked for it."""
-        if self._noted is not None:
-            raise _Ended(0 if self._noted == signal.SIGINT else TERMINATED)
-
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        again, self._noted = self._noted is not None, number
-        if again:
-            raise KeyboardInterrupt
+        if self.noted is not None:
+            raise _Ended(0 if self.noted == signal.SIGINT else TERMINATED)
 
 
 class _Heard(Progress):

@@ -36,6 +36,8 @@ def _text(data: DataSet, layout: Layout, settings: DatasetSettings, facts: Facts
     listed = ", ".join(facts.lightings[:8]) + (", …" if len(facts.lightings) > 8 else "")
     size = next((name for most, name in _SIZES if count < most), "n>1M")
     loading = WRITERS[layout].loading.replace("{lighting}", facts.training).replace("{set}", shared.name)
+    near, far = shared.near_far or (0.0, 0.0)
+    notes = WRITERS[layout].notes.format(lighting=facts.training, near=near, far=far)
     tone = "" if display.tone == "none" else f", tone curve {display.tone}"
     encoding = "sRGB" if display.view is None else f"view {display.view.view!r} on {display.view.display!r}"
     range_of = ""
@@ -64,7 +66,7 @@ License: {settings.license or "none given"}.
   any, hold the scene's own light, without that exposure.
 {_split(settings, facts)}
 - World: Z up, {shared.scale:.6g} times the job's lengths.{range_of} `lights.json` has the lights in it.
-{WRITERS[layout].notes(shared, facts.training)}
+{notes}
 ```python
 {loading}
 ```

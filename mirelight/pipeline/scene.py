@@ -123,14 +123,19 @@ class Scene(Prepared):
         elif isinstance(tracer, Tracer) and not requirements.follows_engine(job):
             vars(self)["tracer"] = tracer.tuned(job.render, layers=apart, aovs=aovs)
 
+    def ready(self, *, lit: bool) -> Scene:
+        """Itself, for others to be like: what they take over is made now. `lit`: what light takes, too."""
+        if self.job.splats is not None:
+            _ = self.compositor
+        if lit:
+            _ = self.tracer, self.captured_level
+        return self
+
     @cached_property
     def for_pinholes(self) -> Scene:
         """The same for the pinholes of a lens or an open shutter: what each sees is kept in memory alone."""
-        job = self.job
-        ready = [*(["compositor"] if job.splats is not None else []), *(["tracer"] if job.lightings else [])]
-        for name in (*ready, "captured_level"):
-            getattr(self, name)
-        return prepare(job, MemoryCache(self.kept), self._report, like=self)
+        like = self.ready(lit=bool(self.job.lightings))
+        return prepare(self.job, MemoryCache(self.kept), self._report, like=like)
 
     def read(self) -> None:
         """Read the splats, and read or make the proxy where light falls on it. Otherwise that comes when it is needed.

@@ -11,7 +11,8 @@ from mirelight.apps.explain.types import CAUSES, Ladder, Step, write_json
 from mirelight.compare import figures, metrics
 from mirelight.compare.page import HEAD, static
 from mirelight.compare.types import Maps
-from mirelight.io.atomic import output_error, write_file
+from mirelight.io.atomic import write_file
+from mirelight.io.folders import NewFolders
 from mirelight.io.png import write_png
 from mirelight.model import F32
 
@@ -26,10 +27,7 @@ def write_ladder(directory: Path, ladder: Ladder) -> None:
         OutputError: the folder or a file cannot be written.
         MirelightError: a package of the extra `compare` is missing.
     """
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(directory, error) from None
+    NewFolders(directory).make()
     for k, rung in enumerate(ladder.rungs):
         pixels = np.rint(rung.frame * np.float32(255)).astype(np.uint8)
         write_png(directory / f"{k:02d}-{rung.name}.png", pixels, {})

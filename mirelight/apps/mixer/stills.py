@@ -55,10 +55,7 @@ class Stills:
         self._job = job
         output = replace(scene.job.output, exr=False, png=True, store="both")  # nothing but the picture
         plain = replace(scene.job, output=output)
-        if scene.job.splats is not None:
-            _ = scene.compositor  # made ready there, so that it is shared
-        _ = scene.tracer, scene.captured_level
-        self._scene = prepare(plain, MemoryCache(scene.kept, _MEMORY), like=scene)
+        self._scene = prepare(plain, MemoryCache(scene.kept, _MEMORY), like=scene.ready(lit=True))
         coarse = replace(plain.relight, texture_scale=min(plain.relight.texture_scale, _COARSE))
         self._quick = quick_scene(prepare(replace(plain, relight=coarse), self._scene.kept, like=self._scene))
 

@@ -13,7 +13,8 @@ from importlib import resources
 from pathlib import Path
 
 from mirelight.base.errors import BackendError, OutputError
-from mirelight.io.atomic import atomic_path, output_error, write_file
+from mirelight.io.atomic import atomic_path, write_file
+from mirelight.io.folders import NewFolders
 
 VERSION = "2.23.3"  # script and engine come from the same package: uniform names changed between 2.22 and 2.23
 SHA512 = (
@@ -124,10 +125,7 @@ def copy_page(folder: Path, app: str, page: Iterable[str], like: Path | None = N
     """
     own = folder / "engine"
     source = like or install()
-    try:
-        own.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(folder, error) from None
+    NewFolders(folder, own).make()
     for name in FILES.values():
         if not linked(like, name, own):
             with atomic_path(own / name) as temporary:

@@ -14,7 +14,8 @@ from mirelight.batch.executor import Progress, RenderSummary
 from mirelight.batch.order import Order
 from mirelight.batch.preview import Pace, quick_frame, quick_job
 from mirelight.io import image
-from mirelight.io.atomic import output_error, write_file
+from mirelight.io.atomic import write_file
+from mirelight.io.folders import NewFolders
 from mirelight.model import Frame, Job
 from mirelight.pipeline import stages
 from mirelight.pipeline.artefact_cache import MemoryCache
@@ -120,10 +121,7 @@ class Session:
             if self._live is not None and self._live != live:
                 shutil.rmtree(self._live, ignore_errors=True)
             self._live = live
-            try:
-                live.mkdir(parents=True, exist_ok=True)
-            except OSError as e:
-                raise output_error(live, e) from None
+            NewFolders(live).make()
         return self._store
 
 
@@ -145,7 +143,7 @@ class _Live:
                 if self._is_lit(scene, task):
                     self._show(task, stages.frame(scene, task.camera, task.lighting), scene.job, "full")
                 else:
-                    quick = quick or self._ready(scene, task)
+                    quick = quick or self._session.quick(scene.ready(lit=task.lighting is not None))
                     self._show(task, quick_frame(quick, task), scene.job, "quick")
             except RenderError as e:  # the frame itself may do; if not, it is recorded as failed
                 self._progress.note(f"{task.name}: no quick picture: {e}")
@@ -169,14 +167,6 @@ class _Live:
             with suppress(OSError):
                 data = source.read_bytes()
                 write_file(target, data)
-
-    def _ready(self, scene: Scene, task: FrameTask) -> Scene:
-        """The quick scene; parts that both use are made in the whole one, so that they are shared and stay."""
-        if scene.job.splats is not None:
-            _ = scene.compositor
-        if task.lighting is not None:
-            _ = scene.tracer, scene.captured_level
-        return self._session.quick(scene)
 
     def _is_lit(self, scene: Scene, task: FrameTask) -> bool:
         """Whether nothing has to be traced for a frame."""

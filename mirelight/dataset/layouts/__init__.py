@@ -54,7 +54,7 @@ class Writer:
     loading: str  # Python that loads a set, run in its folder; {lighting} and {set} are filled in
     refuse: Callable[[Sequence[Camera], Shared], None] = lambda cameras, shared: None  # what this layout cannot hold
     configs: Callable[[Mapping[Part, int]], list[str]] = lambda parts: []  # lines for the head of the set's page
-    notes: Callable[[Shared, str], str] = lambda shared, lighting: ""  # for the page; the lighting to train on
+    notes: str = ""  # for the page; {lighting}, to train on, {near} and {far} are filled in
 
     def check(self, cameras: Sequence[Camera], shared: Shared) -> None:
         """Refuse what a data set cannot hold before anything is written. Raises InputError."""
@@ -65,38 +65,13 @@ class Writer:
         self.refuse(cameras, shared)
 
 
-def _nerfstudio(shared: Shared, lighting: str) -> str:
-    return (
-        "- For nerfstudio, which would move the world otherwise: `ns-train nerfacto nerfstudio-data --data "
-        f"{lighting} --orientation-method none --center-method none --auto-scale-poses False`.\n"
-    )
-
-
-def _built_in(shared: Shared, lighting: str) -> str:
-    near, far = shared.near_far or (0.0, 0.0)
-    return (
-        "- The loaders of TensoIR have near 2, far 6 and a box of ±1.5 built in; this set needs near "
-        f"{near:.3g}, far {far:.3g}. The folder of maps is `environments`.\n"
-    )
-
-
-def _webdataset(shared: Shared, lighting: str) -> str:
-    return '- `webdataset.WebDataset("shards/train-000000.tar").decode("pilrgba")` reads the same shards.\n'
-
-
-def _sequence(shared: Shared, lighting: str) -> str:
-    return (
-        "- A folder a lighting is a sequence of 30 frames a second; depth is 5000 to the unit, and 0 beyond 13.1.\n"
-        "- `calibration.txt` has fx fy cx cy for pixel centres at whole numbers; there is no distortion.\n"
-    )
-
-
 WRITERS: Mapping[Layout, Writer] = {
     "nerf": Writer(
         write_nerf,
         'import json\n\nframes = json.load(open("{lighting}/transforms.json"))["frames"]\nprint(len(frames))',
         check_lenses,
-        notes=_nerfstudio,
+        notes="- For nerfstudio, which would move the world otherwise: `ns-train nerfacto nerfstudio-data --data "
+        "{lighting} --orientation-method none --center-method none --auto-scale-poses False`.\n",
     ),
     "colmap": Writer(
         write_colmap,
@@ -110,7 +85,8 @@ WRITERS: Mapping[Layout, Writer] = {
         'pose = np.array([float(x) for x in meta["cam_transform_mat"].split(",")]).reshape(4, 4)\n'
         'print(pose.shape, Image.open(folder / "rgba_{lighting}.png").mode)',
         partial(check_lenses, square=True),
-        notes=_built_in,
+        notes="- The loaders of TensoIR have near 2, far 6 and a box of ±1.5 built in; this set needs near {near:.3g}, "
+        "far {far:.3g}. The folder of maps is `environments`.\n",
     ),
     "olat": Writer(
         write_olat,
@@ -129,7 +105,7 @@ WRITERS: Mapping[Layout, Writer] = {
         'data = load_dataset(place, split="train", streaming=True)\n'
         'sample = next(iter(data))\nprint(sample["png"].mode, sample["json"]["camera"])',
         configs=configs,
-        notes=_webdataset,
+        notes='- `webdataset.WebDataset("shards/train-000000.tar").decode("pilrgba")` reads the same shards.\n',
     ),
     "tum": Writer(
         write_tum,
@@ -139,6 +115,8 @@ WRITERS: Mapping[Layout, Writer] = {
         'depth = np.asarray(Image.open("{lighting}/" + name)) / 5000\n'
         "print(poses.shape, depth.shape)",
         check_tum,
-        notes=_sequence,
+        notes="- A folder a lighting is a sequence of 30 frames a second; depth is 5000 to the unit, and 0 "
+        "beyond 13.1.\n"
+        "- `calibration.txt` has fx fy cx cy for pixel centres at whole numbers; there is no distortion.\n",
     ),
 }

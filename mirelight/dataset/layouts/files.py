@@ -22,6 +22,7 @@ from mirelight.base.png import png_bytes
 from mirelight.dataset.layouts.pictures import Picture
 from mirelight.io import exr
 from mirelight.io.atomic import atomic_path, clear, output_error
+from mirelight.io.folders import NewFolders
 from mirelight.io.safety import read_file
 
 RECORD = Path(".mirelight") / "export.jsonl"
@@ -178,7 +179,7 @@ class Files:
         """A folder to write into, made where it is missing; what a killed export left there is cleared away."""
         if folder not in self._looked_at:
             self._looked_at.add(folder)
-            folder_for(folder)
+            NewFolders(folder).make()
             clear(folder)
 
     def _note(self, name: str, row: _Row) -> None:
@@ -206,15 +207,6 @@ class Files:
 
 def _line(name: str, row: _Row) -> str:
     return json.dumps({"file": name, "key": row.key, "bytes": row.bytes}) + "\n"
-
-
-def folder_for(*parts: Path) -> None:
-    """Make folders that are not there yet. Raises OutputError."""
-    for path in parts:
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as e:
-            raise output_error(path, e) from None
 
 
 def write_pixels(path: Path | BinaryIO, pixels: NDArray[Any]) -> None:

@@ -64,15 +64,17 @@ def model(
     images = [
         (i, q, t, w, name) for i, ((q, t), w, name) in enumerate(zip(poses, which, pictures, strict=True), start=1)
     ]
-    for name, text, binary in (
-        ("cameras", _cameras_text(lenses), _cameras_binary(lenses)),
-        ("images", _images_text(images), _images_binary(images)),
-        ("points3D", _points_text(points), _points_binary(points)),
+    for name, head, rows in (
+        ("cameras", "CAMERA_ID MODEL WIDTH HEIGHT fx fy cx cy", _cameras(lenses)),
+        ("images", "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of points", _images(images)),
+        ("points3D", "POINT3D_ID X Y Z R G B ERROR TRACK", _points(points)),
     ):
-        yield f"{name}.txt", "".join(text).encode()
-        yield f"{name}.bin", b"".join(binary)
+        both = list(rows)
+        yield f"{name}.txt", "".join([f"# {head}\n", *(text for text, _ in both)]).encode()
+        yield f"{name}.bin", b"".join([struct.pack("<Q", len(both)), *(binary for _, binary in both)])
 
 
+_Row = tuple[str, bytes]  # in text and in binary
 _Lens = tuple[int, int, float, float, float, float]
 _Image = tuple[int, np.ndarray, np.ndarray, int, str]
 
@@ -90,37 +92,19 @@ def _numbers(values: Sequence[float] | np.ndarray) -> str:
     return " ".join(repr(float(x)) for x in values)
 
 
-def _cameras_text(lenses: list[_Lens]) -> Iterator[str]:
-    yield "# CAMERA_ID MODEL WIDTH HEIGHT fx fy cx cy\n"
-    for i, (width, height, *values) in enumerate(lenses, start=1):
-        yield f"{i} PINHOLE {width} {height} {_numbers(values)}\n"
-
-
-def _cameras_binary(lenses: list[_Lens]) -> Iterator[bytes]:
-    yield struct.pack("<Q", len(lenses))
+def _cameras(lenses: list[_Lens]) -> Iterator[_Row]:
     for i, lens in enumerate(lenses, start=1):
-        yield struct.pack("<iiQQ4d", i, _PINHOLE, *lens)
+        width, height, *values = lens
+        yield f"{i} PINHOLE {width} {height} {_numbers(values)}\n", struct.pack("<iiQQ4d", i, _PINHOLE, *lens)
 
 
-def _images_text(images: list[_Image]) -> Iterator[str]:
-    yield "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then a line of points\n"
+def _images(images: list[_Image]) -> Iterator[_Row]:
     for i, q, t, camera, name in images:
-        yield f"{i} {_numbers(q)} {_numbers(t)} {camera} {name}\n\n"
+        binary = struct.pack("<i7di", i, *q, *t, camera) + name.encode() + b"\0" + struct.pack("<Q", 0)
+        yield f"{i} {_numbers(q)} {_numbers(t)} {camera} {name}\n\n", binary
 
 
-def _images_binary(images: list[_Image]) -> Iterator[bytes]:
-    yield struct.pack("<Q", len(images))
-    for i, q, t, camera, name in images:
-        yield struct.pack("<i7di", i, *q, *t, camera) + name.encode() + b"\0" + struct.pack("<Q", 0)
-
-
-def _points_text(points: Points) -> Iterator[str]:
-    yield "# POINT3D_ID X Y Z R G B ERROR TRACK\n"
-    for i, (position, color) in enumerate(zip(points.positions, points.colors, strict=True), start=1):
-        yield f"{i} {_numbers(position)} {' '.join(str(int(c)) for c in color)} 0\n"
-
-
-def _points_binary(points: Points) -> Iterator[bytes]:
-    yield struct.pack("<Q", len(points.positions))
-    for i, (position, color) in enumerate(zip(points.positions, points.colors, strict=True), start=1):
-        yield struct.pack("<Q3d3BdQ", i, *position, *(int(c) for c in color), 0.0, 0)
+def _points(points: Points) -> Iterator[_Row]:
+    for i, (position, color) in enumerate(zip(points.positions, points.colors.tolist(), strict=True), start=1):
+        text = f"{i} {_numbers(position)} {' '.join(map(str, color))} 0\n"
+        yield text, struct.pack("<Q3d3BdQ", i, *position, *color, 0.0, 0)

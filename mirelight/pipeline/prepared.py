@@ -213,6 +213,7 @@ class Prepared:
         if known is None:
             packed = self._shared(key, ARRAY)
             if packed is None:
+                self._tell("estimating the captured light from the splats; it is kept for the next time")
                 found = self.estimate(sky)
                 for doubt in doubts(found):
                     self._tell(f'the captured light is not known: {doubt}; relight.mode = "tint" needs none')
@@ -234,7 +235,6 @@ class Prepared:
         if found is None:
             splats, mesh = self.splats, self.mesh
             assert splats is not None and mesh is not None
-            self._tell("estimating the captured light from the splats; it is kept for the next time")
             settings = replace(self.job.render, seed=sky.seed)
             found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
             self._of_user.put(key, found, codec)

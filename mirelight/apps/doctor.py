@@ -14,7 +14,7 @@ from typing import get_args
 
 from mirelight.base import backend, extras
 from mirelight.base.errors import BackendError
-from mirelight.base.machine import memory
+from mirelight.base.machine import cores, memory
 from mirelight.base.version import __version__
 from mirelight.model import Variant
 
@@ -60,17 +60,13 @@ def look() -> Findings:
         version=__version__,
         python=platform.python_version(),
         platform=platform.platform(),
-        cores=f"{_cores()} usable of {os.cpu_count()}",
+        cores=f"{cores()} usable of {os.cpu_count()}",
         memory=_memory(),
         llvm=tuple(_llvm()),
         variants={variant: _check(variant) for variant in get_args(Variant)},
         tools=dict(_optional()),
         extras=dict(_extras()),
     )
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _memory() -> str:

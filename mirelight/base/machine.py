@@ -27,6 +27,11 @@ _GROUP_FILES = (
 _UNLIMITED = 1 << 60  # version 1 says so with a number near 2^63
 
 
+def cores() -> int:
+    """CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass(frozen=True, slots=True)
 class Memory:
     """Bytes, as the system tells."""

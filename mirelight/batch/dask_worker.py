@@ -45,8 +45,7 @@ class _DaskWorker:
                 said.say(Word(messages.PARTIAL, tuple(str(path) for path in self._context[1].store.partial)))
                 self._context[1].store.partial = ()
         else:
-            word = (made.rendered, made.skipped, made.failed) if made is not None else ()
-            said.say(Word(messages.BUSY if made is None else messages.DONE, word))
+            said.say(messages.outcome(made))
         return said.lines
 
     def _made(self, task: _Task, said: _Said) -> RenderSummary | None:

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from mirelight import relighting
 from mirelight.model import Camera, camera_checks
-from mirelight.model.unit_lights import LightSet, terms
+from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import keys, peak, requirements, stages
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
 from mirelight.pipeline.codecs import ARRAY, Codec, Packed, composite_of
@@ -141,7 +141,7 @@ def _due(made: keys.Keys, store: Store, group: Group, missing: list[FrameTask]) 
     if needs is None:
         return 0, 0
     due = [s for s, key in zip(needs.sets, needs.lights, strict=True) if not store.has_layers([key])]
-    return len(due), sum(max(1, len(s.units) if s.whole is None else len(tuple(terms(s.whole)))) for s in due)
+    return len(due), sum(s.layers for s in due)
 
 
 def _lit_needs(made: keys.Keys, group: Group, missing: list[FrameTask]) -> requirements.FrameNeeds | None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mirelight.batch.executor import Progress
+from mirelight.batch.executor import Progress, RenderSummary
 from mirelight.pipeline.plan import FrameTask
 
 _EVERY = 0.25  # seconds between two words about samples
@@ -42,6 +42,11 @@ class Word:
         except (ValueError, TypeError):
             return None
         return Word(str(kind), tuple(x if isinstance(x, int | float) else str(x) for x in values))
+
+
+def outcome(made: RenderSummary | None) -> Word:
+    """What came of a camera; None: another process is at it."""
+    return Word(BUSY) if made is None else Word(DONE, (made.rendered, made.skipped, made.failed))
 
 
 class Reporter(Progress):

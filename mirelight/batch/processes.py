@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from mirelight.base.errors import RenderError
+from mirelight.base.machine import cores
 from mirelight.batch import executor, messages
 from mirelight.batch.executor import Progress, RenderSummary
 from mirelight.batch.messages import Word
@@ -34,8 +35,7 @@ _DEATHS = 2  # over one camera, or without one
 
 def threads_of(workers: int) -> int:
     """CPU threads for each of so many workers: an equal share of this process's cores."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, cores // workers)
+    return max(1, cores() // workers)
 
 
 def run(order: Order, plan: Plan, store: Store, workers: int, progress: Progress) -> RenderSummary:

@@ -99,11 +99,7 @@ def main() -> int:
             asked = Word.read(line)
             if asked is None or len(asked.values) != 1:
                 continue
-            made = context.make(asked.kind, str(asked.values[0]))
-            if made is None:
-                _say(Word(messages.BUSY))
-            else:
-                _say(Word(messages.DONE, (made.rendered, made.skipped, made.failed)))
+            _say(messages.outcome(context.make(asked.kind, str(asked.values[0]))))
     except MirelightError as e:
         _say(Word(messages.FATAL, (str(e),)))
         return 2

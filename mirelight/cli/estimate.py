@@ -212,11 +212,9 @@ def _camera(work: Job, name: str | None) -> Camera | None:
     """The camera of that name, or the first; None where the job has none."""
     if name is None:
         return work.cameras[0] if work.cameras else None
-    for camera in work.cameras:
-        if camera.name == name:
-            return camera
-    there = ", ".join([x.name for x in work.cameras][:20]) or "none"
-    raise InputError(work.source, f"no camera named {name!r}", f"there are: {there}")
+    from mirelight.pipeline.plan import chosen
+
+    return chosen(work, "camera", work.cameras, [name])[0]
 
 
 def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]:

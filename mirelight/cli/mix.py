@@ -38,6 +38,7 @@ def run_mix(args: argparse.Namespace) -> int:
     from mirelight.batch.order import named
     from mirelight.io import job
     from mirelight.io.folders import NewFolders
+    from mirelight.pipeline.plan import chosen
     from mirelight.pipeline.requirements import check_lit_splats
 
     overrides = options.overrides(args)
@@ -48,11 +49,8 @@ def run_mix(args: argparse.Namespace) -> int:
     if args.port is not None and not (args.serve and 1 <= args.port <= 65535):
         found = str(args.port) if args.serve else "a port, but nothing is served"
         raise InputError("--port", found, "give 1 to 65535" if args.serve else "add --serve")
-    there = [x.name for x in work.lightings]
-    wanted = named(args.lighting, there)
-    for name in wanted or ():
-        if name not in there:
-            raise InputError(work.source, f"no lighting named {name!r}", f"there are: {', '.join(there[:20])}")
+    wanted = named(args.lighting, [x.name for x in work.lightings])
+    chosen(work, "lighting", work.lightings, wanted)
     saved = Saved(job.parse(args.job, overrides)[0]) if args.serve else None
     folder = Path(args.out)
     if folder.exists() and not folder.is_dir():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from mirelight.base.errors import InputError
 from mirelight.cli import new, outputs, say
 from mirelight.io.suffixes import USD
+from mirelight.pipeline.plan import chosen
 
 if TYPE_CHECKING:
     from mirelight.batch import Order
@@ -70,16 +71,11 @@ def _job_of(folder: Folder) -> tuple[Order, Job]:
 
 
 def _lighting(work: Job, names: list[str] | None) -> Lighting:
-    known = [x.name for x in work.lightings]
     if names is not None and len(names) > 1:
         raise InputError("--lighting", f"{len(names)} of them", "a stage has one; write one for each")
-    if not known:
+    if not work.lightings:
         raise InputError(work.source, "no light", "a stage is of one lighting", field="lights")
-    if names is None:
-        return work.lightings[0]
-    if names[0] not in known:
-        raise InputError(work.source, f"no lighting {names[0]!r}", f"there are: {', '.join(known[:10])}")
-    return work.lightings[known.index(names[0])]
+    return chosen(work, "lighting", work.lightings, names)[0]
 
 
 def _frames(folder: Folder, order: Order, work: Job, lighting: Lighting, out: Path) -> dict[str, str]:

@@ -72,6 +72,11 @@ class LightSet:
         """SHA-256 over all of the light in it."""
         return digest([u.digest for u in self.units], self.whole, self.glow)
 
+    @property
+    def layers(self) -> int:
+        """How many layers its traced buffer has."""
+        return len(self.units) if self.whole is None else len(self.whole.layer_names)
+
     def parts(self) -> Iterator[LightSet]:
         """What of its light on a surface is kept by itself: each unit light, or all of what is traced as it is."""
         if self.whole is not None or self.glow:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mirelight import relighting
 from mirelight.model import Camera, Job, Lighting, ProxyMesh
-from mirelight.model.unit_lights import GLOW, LightSet
+from mirelight.model.unit_lights import GLOW
 from mirelight.pipeline import keys, requirements
 
 _PROGRAM = 180 << 20  # bytes of Python, Mitsuba, Dr.Jit and compiled kernels
@@ -65,7 +65,8 @@ def _light_bytes(job: Job, camera: Camera, glows: bool) -> int:
     every: dict[str, int] = {GLOW.digest: _SET + _SET_LAYER} if glows else {}
     most = kept = 0
     for lighting in (x for x in job.lightings if x.lights_up(camera)):
-        own = {s.digest: _set_bytes(s) for s in made.needs(camera, [lighting]).sets}
+        sets = made.needs(camera, [lighting]).sets
+        own = {s.digest: _SET + _SET_LAYER * max(1, s.layers) for s in sets}
         layers = len(lighting.layer_names) + glows
         denoised = (
             _DENOISED + _DENOISED_LAYER * layers if job.render.denoise and not requirements.follows_engine(job) else 0
@@ -74,11 +75,6 @@ def _light_bytes(job: Job, camera: Camera, glows: bool) -> int:
         most = max(most, sum(own.values()) + _LAYER * layers + denoised)
         kept = max(kept, sum(own.values()))
     return pixels * (_LIGHTING + most) + min(pixels * (sum(every.values()) - kept), _MOST_KEPT)
-
-
-def _set_bytes(one: LightSet) -> int:
-    """Bytes a pixel of a traced set."""
-    return _SET + _SET_LAYER * max(1, len(one.units) if one.whole is None else len(one.whole.layer_names))
 
 
 def _glows(proxy: ProxyMesh | None) -> bool:

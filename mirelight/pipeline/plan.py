@@ -67,9 +67,9 @@ def plan(job: Job, cameras: Iterable[str] | None = None, lightings: Iterable[str
             without the captured lighting that it needs.
     """
     check(job)
-    chosen_cameras = _choose(job, "camera", job.cameras, cameras)
+    chosen_cameras = chosen(job, "camera", job.cameras, cameras)
     every_lighting: tuple[Lighting | None, ...] = job.lightings or (None,)
-    chosen_lightings = _choose(job, "lighting", job.lightings, lightings) if job.lightings else (None,)
+    chosen_lightings = chosen(job, "lighting", job.lightings, lightings) if job.lightings else (None,)
     names = _unique_names(job.cameras, every_lighting)
     made = keys.Keys(job)
 
@@ -150,16 +150,17 @@ def _engine_warnings(
 Named = TypeVar("Named", Camera, Lighting)
 
 
-def _choose(job: Job, kind: str, existing: tuple[Named, ...], wanted: Iterable[str] | None) -> tuple[Named, ...]:
+def chosen(job: Job, kind: str, existing: tuple[Named, ...], wanted: Iterable[str] | None) -> tuple[Named, ...]:
+    """Cameras or lightings (`kind`) of a job by their names; None: all. Raises InputError where there is none."""
     names = {x.name for x in existing}
     if not existing:
         raise InputError(job.source, f"no {kind} to render", f"name at least one {kind}")
     if wanted is None:
         return existing
-    chosen = set(wanted)
-    for name in sorted(chosen - names):
+    meant = set(wanted)
+    for name in sorted(meant - names):
         raise InputError(job.source, f"no {kind} named {name!r}", f"there are: {_listed([x.name for x in existing])}")
-    return tuple(x for x in existing if x.name in chosen)
+    return tuple(x for x in existing if x.name in meant)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scenegen import surfels, training
 from scenegen.proxy import welded
 from scenegen.recipe import Recipe
-from scenegen.skies import Sky, sky, towards
+from scenegen.skies import Sky, sunlit, towards
 from scenegen.training import Shooting, exposed
 from scenegen.truth import Looks, Truth
 from scipy.spatial import cKDTree
@@ -25,7 +25,7 @@ from mirelight.base import conventions
 from mirelight.base.colour import srgb_encode
 from mirelight.base.sh import C0
 from mirelight.io import splats as splat_files
-from mirelight.model import Camera, Environment, Lighting, ProxyMesh, SplatCloud, SunLight
+from mirelight.model import Camera, Lighting, ProxyMesh, SplatCloud
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
 
@@ -328,16 +328,14 @@ class _Scene:
 
 def _hard_sun() -> Lighting:
     """The courtyard on a clear day: a small sun from another side, and a darker sky."""
-    sun = towards(108, 44)
     look = Sky(
         zenith=(0.14, 0.24, 0.48),
         horizon=(0.36, 0.42, 0.52),
         ground=(0.16, 0.13, 0.10),
         glow=(0.20, 0.18, 0.14),
-        sun=sun,
+        sun=towards(108, 44),
     )
-    disc = SunLight(name="sun", direction=-sun, color=np.array([1.0, 0.94, 0.86]), intensity=2.8, angular_diameter=0.53)
-    return Lighting(name="hard sun", lights=(disc,), environment=Environment(name="sky", radiance=sky(look)))
+    return sunlit("hard sun", look, (1.0, 0.94, 0.86), 2.8, 0.53)
 
 
 def _welded(looks: Looks) -> ProxyMesh:

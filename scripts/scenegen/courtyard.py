@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Environment, Lighting, PointLight, SpotLight, SunLight
+from mirelight.model import Camera, Environment, Lighting, PointLight, SpotLight
 from scenegen.courtyard_fittings import lanterns, stairs, wall_fountain, well
 from scenegen.courtyard_geometry import LANTERNS, arcade, floor, roof, side_walls, surfaces
 from scenegen.courtyard_plants import planting
 from scenegen.geometry import soups
 from scenegen.recipe import Recipe
-from scenegen.skies import Sky, sky, towards
+from scenegen.skies import Sky, sky, sunlit, towards
 from scenegen.truth import Looks
 
 
@@ -21,41 +21,36 @@ def looks() -> Looks:
 
 
 def _day() -> Lighting:
-    sun = towards(52, 50)
     look = Sky(
         zenith=(0.26, 0.40, 0.68),
         horizon=(0.66, 0.72, 0.78),
         ground=(0.22, 0.18, 0.14),
         glow=(0.60, 0.52, 0.42),
-        sun=sun,
+        sun=towards(52, 50),
     )
-    disc = SunLight(name="sun", direction=-sun, color=np.array([1.0, 0.92, 0.80]), intensity=2.2, angular_diameter=4.0)
-    return Lighting(name="day", lights=(disc,), environment=Environment(name="sky", radiance=sky(look)))
+    return sunlit("day", look, (1.0, 0.92, 0.80), 2.2, 4.0)
 
 
 def _evening() -> Lighting:
-    sun = towards(63, 17)
     look = Sky(
         zenith=(0.10, 0.13, 0.30),
         horizon=(0.42, 0.30, 0.32),
         ground=(0.10, 0.06, 0.04),
         glow=(0.95, 0.42, 0.14),
-        sun=sun,
+        sun=towards(63, 17),
         spread=34.0,
         away=0.45,
     )
-    disc = SunLight(name="sun", direction=-sun, color=np.array([1.0, 0.60, 0.28]), intensity=3.3, angular_diameter=0.9)
-    return Lighting(name="evening", lights=(disc,), environment=Environment(name="sky", radiance=sky(look)))
+    return sunlit("evening", look, (1.0, 0.60, 0.28), 3.3, 0.9)
 
 
 def _night() -> Lighting:
-    moon = towards(150, 40)
     look = Sky(
         zenith=(0.026, 0.050, 0.125),
         horizon=(0.045, 0.080, 0.165),
         ground=(0.004, 0.004, 0.006),
         glow=(0.16, 0.23, 0.36),
-        sun=moon,
+        sun=towards(150, 40),
         spread=26.0,
     )
     warm = np.array([1.0, 0.56, 0.22])

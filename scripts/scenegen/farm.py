@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Lighting, PointLight
+from mirelight.model import Camera
 from scenegen.geometry import Part, blob, boxes, leaves, noise, place, sheet, soups, tube
 from scenegen.recipe import Recipe
-from scenegen.skies import blue, clear, clouds
+from scenegen.skies import clear, clouds, lamplit
 from scenegen.textures import Surface, paint, palette, plain, plaster, srgb, stone, terracotta, wood
 from scenegen.truth import Looks
 
@@ -145,9 +145,6 @@ def looks() -> Looks:
 
 def recipe() -> Recipe:
     """How the scene is made."""
-    lamp = PointLight(
-        name="lamp", position=np.array([5.0, 4.2, 4.6]), color=np.array([1.0, 0.74, 0.46]), intensity=22.0
-    )
     flight = []
     for k in range(ROUND):  # twice round, low and high
         turn = 4 * np.pi * k / ROUND + 0.1
@@ -168,7 +165,7 @@ def recipe() -> Recipe:
         lightings=(
             clear("low sun", (-35, 18), (1.0, 0.62, 0.32), 2.6, 0.5),
             clouds(),
-            Lighting(name="lamp", lights=(lamp,), environment=blue(0, 8, 0.14)),
+            lamplit((5.0, 4.2, 4.6), (1.0, 0.74, 0.46), 22.0, 0.14),
         ),
         cameras=(front,),
         orbit=tuple(flight),

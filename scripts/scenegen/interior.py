@@ -173,13 +173,13 @@ def sunlight(azimuth: float, elevation: float, color: tuple[float, float, float]
     )
 
 
-def _lamps() -> Lighting:
-    warm = np.array([1.0, 0.62, 0.32])
-    lamps = tuple(
-        PointLight(name=f"lamp {k}", position=np.array(at), color=warm, intensity=strength)
-        for k, (at, strength) in enumerate(zip(LAMPS, (2.2, 1.1), strict=True))
+def lamps(places: Sequence[Eye], strengths: tuple[float, ...]) -> Lighting:
+    """Warm lamps of a room at dusk."""
+    lights = tuple(
+        PointLight(name=f"lamp {k}", position=np.array(at), color=np.array([1.0, 0.62, 0.32]), intensity=strength)
+        for k, (at, strength) in enumerate(zip(places, strengths, strict=True))
     )
-    return Lighting(name="lamps", lights=lamps, environment=outside("dusk", 0.12, (0, 0, 0), 0, 30))
+    return Lighting(name="lamps", lights=lights, environment=outside("dusk", 0.12, (0, 0, 0), 0, 30))
 
 
 def orbit(eye: Eye, target: Eye, across: Sequence[tuple[Eye, Eye]]) -> tuple[Camera, ...]:
@@ -215,7 +215,7 @@ def recipe() -> Recipe:
         title="A room captured with the sun through its windows; relit by clouds, lamps and a low sun.",
         looks=looks,
         captured=day,
-        lightings=(overcast, _lamps(), low),
+        lightings=(overcast, lamps(LAMPS, (2.2, 1.1)), low),
         cameras=(front,),
         orbit=(front, *orbit(eye, target, across)),
         pixels_per_splat=3.2,

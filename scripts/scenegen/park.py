@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Lighting, PointLight
+from mirelight.model import Camera
 from scenegen.geometry import Part, blob, boxes, leaves, noise, place, sheet, soups, spline, tube
 from scenegen.recipe import Recipe
-from scenegen.skies import blue, clear, clouds
+from scenegen.skies import clear, clouds, lamplit
 from scenegen.textures import Surface, paint, palette, plain, plaster, srgb, stone, wood
 from scenegen.truth import Looks
 
@@ -171,9 +171,6 @@ def looks() -> Looks:
 
 def recipe() -> Recipe:
     """How the scene is made."""
-    lamp = PointLight(
-        name="lamp", position=np.array([1.3, 2.4, 1.0]), color=np.array([1.0, 0.74, 0.46]), intensity=14.0
-    )
     walk = []
     for k in range(CAMERAS):  # three times round the bench
         turn, lap = 6 * np.pi * k / CAMERAS + 0.1, 3 * k // CAMERAS
@@ -189,7 +186,7 @@ def recipe() -> Recipe:
         lightings=(
             clear("low sun", (-28, 22), (1.0, 0.62, 0.32), 4.2, 0.8),
             clouds(),
-            Lighting(name="lamp", lights=(lamp,), environment=blue(0, 8, 0.14)),
+            lamplit((1.3, 2.4, 1.0), (1.0, 0.74, 0.46), 14.0, 0.14),
         ),
         cameras=(front,),
         orbit=tuple(walk),

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Lighting, PointLight
+from mirelight.model import Camera
 from scenegen.geometry import Part, blob, boxes, lathe, leaves, noise, sheet, soups, tube
 from scenegen.recipe import Recipe
-from scenegen.skies import blue, clear, clouds
+from scenegen.skies import clear, clouds, lamplit
 from scenegen.textures import Surface, painted_tiles, palette, plain, plaster, srgb, stone
 from scenegen.truth import Looks
 
@@ -79,8 +79,7 @@ def looks() -> Looks:
 
 def recipe() -> Recipe:
     """How the scene is made."""
-    warm = PointLight(name="lamp", position=np.array([0.9, 1.6, 0.7]), color=np.array([1.0, 0.7, 0.42]), intensity=1.6)
-    night = Lighting(name="lamp", lights=(warm,), environment=blue(0, 8, 0.12))
+    night = lamplit((0.9, 1.6, 0.7), (1.0, 0.7, 0.42), 1.6, 0.12)
     orbit = []
     for k in range(CAMERAS):  # twice round, nearer and farther, as a person does it
         turn, away, high = 4 * np.pi * k / CAMERAS, (1.5, 2.1)[k % 2], (1.5, 1.15, 1.75)[k % 3]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirelight.model import Environment, Lighting, SunLight
+from mirelight.model import Environment, Lighting, PointLight, SunLight
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -74,6 +74,18 @@ def clear(name: str, at: tuple[float, float], color: tuple[float, float, float],
     """A clear sky: a sun at azimuth and elevation in degrees, of so many lux, and blue of so much of that of noon."""
     disc = SunLight(name="sun", direction=-towards(*at), color=np.array(color), intensity=lux, angular_diameter=0.53)
     return Lighting(name=name, lights=(disc,), environment=blue(*at, level))
+
+
+def sunlit(name: str, look: Sky, color: tuple[float, float, float], lux: float, wide: float) -> Lighting:
+    """A sky with its sun, so many degrees wide."""
+    disc = SunLight(name="sun", direction=-look.sun, color=np.array(color), intensity=lux, angular_diameter=wide)
+    return Lighting(name=name, lights=(disc,), environment=Environment(name="sky", radiance=sky(look)))
+
+
+def lamplit(position: ArrayLike, color: tuple[float, float, float], candela: float, level: float) -> Lighting:
+    """A lamp under the sky of a late evening."""
+    lamp = PointLight(name="lamp", position=np.array(position), color=np.array(color), intensity=candela)
+    return Lighting(name="lamp", lights=(lamp,), environment=blue(0, 8, level))
 
 
 def clouds() -> Lighting:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Lighting, PointLight
+from mirelight.model import Camera, Lighting
 from scenegen.geometry import Part, blob, boxes, lathe, place, rectangle, sheet, soups
-from scenegen.interior import orbit, outside, sunlight
+from scenegen.interior import lamps, orbit, outside, sunlight
 from scenegen.recipe import Recipe
 from scenegen.textures import Surface, painted_tiles, plain, plaster, srgb, wood
 from scenegen.truth import Looks
@@ -114,15 +114,6 @@ def looks() -> Looks:
     return Looks(soups=soups(_shell() + _things()), surfaces=surfaces())
 
 
-def _lamps() -> Lighting:
-    warm = np.array([1.0, 0.62, 0.32])
-    lamps = tuple(
-        PointLight(name=f"lamp {k}", position=np.array(at), color=warm, intensity=strength)
-        for k, (at, strength) in enumerate(zip(LAMPS, (2.4, 1.2), strict=True))
-    )
-    return Lighting(name="lamps", lights=lamps, environment=outside("dusk", 0.12, (0, 0, 0), 0, 30))
-
-
 def recipe() -> Recipe:
     """How the scene is made."""
     k = EXPOSURE
@@ -149,7 +140,7 @@ def recipe() -> Recipe:
         title="A room captured with a patch of sun on its floor; relit by clouds, lamps and a low sun.",
         looks=looks,
         captured=day,
-        lightings=(overcast, _lamps(), low),
+        lightings=(overcast, lamps(LAMPS, (2.4, 1.2)), low),
         cameras=(front,),
         orbit=(front, *orbit(eye, target, across)),
         pixels_per_splat=4.0,

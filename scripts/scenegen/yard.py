@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mirelight.model import Camera, Lighting, PointLight
+from mirelight.model import Camera
 from scenegen.geometry import Part, blob, boxes, noise, rectangle, sheet, soups, tube
 from scenegen.recipe import Recipe
-from scenegen.skies import blue, clear, clouds
+from scenegen.skies import clear, clouds, lamplit
 from scenegen.textures import Surface, paint, painted_tiles, plain, plaster, srgb, stone, terracotta, wood
 from scenegen.truth import Looks
 
@@ -110,9 +110,6 @@ def looks() -> Looks:
 
 def recipe() -> Recipe:
     """How the scene is made."""
-    warm = PointLight(
-        name="lamp", position=np.array([-1.2, 2.0, 0.6]), color=np.array([1.0, 0.72, 0.45]), intensity=4.5
-    )
     walk = []
     for k in range(CAMERAS):  # to and fro before the house, twice
         turn = np.radians(70) * np.sin(4 * np.pi * k / CAMERAS)
@@ -129,7 +126,7 @@ def recipe() -> Recipe:
         lightings=(
             clear("low sun", (-62, 20), (1.0, 0.62, 0.32), 2.6, 0.5),
             clouds(),
-            Lighting(name="lamp", lights=(warm,), environment=blue(0, 8, 0.12)),
+            lamplit((-1.2, 2.0, 0.6), (1.0, 0.72, 0.45), 4.5, 0.12),
         ),
         cameras=(front,),
         orbit=tuple(walk),

@@ -122,5 +122,15 @@ class CellTuning:
     disc_steep: float = 0.1
     disc_level: float = 0.1  # of the spacing: so much more must it rise
 
+    # discs that are turned out of their surface (`turned`), in five rounds of fitting
+    turned_sample: int = 20_000  # discs by which it is told whether most are
+    # degrees in the median between their planes and those of their neighbours: 0.2 to 1.7 of true ones, 5.4 to 6.5 of
+    # trained ones
+    turned_least: float = 3.0
+    turned_wide: float = 1.8  # local spacings: standard deviation of the weights of neighbours
+    turned_off: tuple[float, ...] = (0.5, 0.35, 0.25, 0.15, 0.15)  # local spacings off a plane: weighs a quarter
+    turned_sine: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.3)  # of the angle between normals: weighs a quarter
+    turned_own: float = 0.32  # local spacings off its plane that weigh as much as a normal at right angles to it
+
 
 CELLS = CellTuning()

@@ -15,12 +15,13 @@ from mirelight.proxy.axes import axes_of
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.cell_tuning import CELLS
 from mirelight.proxy.creases import Creases, wedges_of
-from mirelight.proxy.discs import Around, Discs, neighbours_of
+from mirelight.proxy.discs import Around, Discs
 from mirelight.proxy.polygons import Polygons, octagons
 from mirelight.proxy.rods import Rods, rods_of
 from mirelight.proxy.sides import seen_sides
 from mirelight.proxy.stars import stars_of
 from mirelight.proxy.tidy import compact
+from mirelight.proxy.turned import neighbourhoods, righted
 from mirelight.proxy.types import Int, ProxySettings, Soup
 
 _CHUNK = 200_000  # cells cut at once: memory alone
@@ -38,16 +39,17 @@ def cells_of(capture: Capture, settings: ProxySettings, progress: ShareProgress)
     s = capture.spacing
     discs = Discs(capture.splats.means.astype(np.float64), axes, scales, s)
     progress("finding neighbours", 0.0)
-    near, distance = neighbours_of(discs.at, CELLS.cell_neighbours)
-    local = distance[:, 5] / 1.8
+    near, distance, local = neighbourhoods(discs.at)
+    if (lying := righted(discs, near, local)) is not discs:
+        discs = lying
+        near, distance, local = neighbourhoods(discs.at)
     radius = np.clip(CELLS.cell_grown * local, CELLS.cell_smallest * s, CELLS.cell_largest * s)
     ends = np.concatenate([_ends(discs, rows, near[rows], local) for rows in _chunks(len(near), _CHUNK)])
     flat, stands_for_more = _flats(discs, near, distance, s)
     kept, flats = np.flatnonzero(~flat | stands_for_more), discs.at[flat]
     radius, ends = np.where(stands_for_more, np.maximum(radius, CELLS.cell_flat_cell * s * 2), radius)[kept], ends[kept]
     discs = discs.where(kept)
-    near, distance = neighbours_of(discs.at, CELLS.cell_neighbours)
-    local = distance[:, 5] / 1.8
+    near, _, local = neighbourhoods(discs.at)
     rods = rods_of(discs.at, discs.normal, near, local, flats)
     bars = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     parts, whole, creased = _Parts(), list[tuple[Int, Polygons]](), np.zeros(len(discs.at), bool)

@@ -16,15 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from page_pictures import Pixels, picture, unlit
 
 from mirelight.base.errors import InputError, MirelightError
 from mirelight.io.atomic import atomic_path
-from mirelight.io.exr import read_exr
-from mirelight.io.png import encode_display
-from mirelight.model import DisplaySettings
 
-Pixels = NDArray[np.uint8]
 MARGIN, CAPTION, HEADING = 14, 40, 64
 INK, QUIET, PAPER = (236, 232, 224), (166, 160, 150), (24, 23, 22)
 
@@ -42,21 +38,13 @@ class Row:
     def scores(self) -> dict[str, float]:
         """PSNR in dB of each picture against the truth."""
         relit = {"capture": self.capture, "tint": self.tint, "ratio": self.ratio}
-        return {name: psnr(picture, self.truth) for name, picture in relit.items()}
+        return {name: psnr(shown, self.truth) for name, shown in relit.items()}
 
 
-def psnr(picture: Pixels, truth: Pixels) -> float:
+def psnr(shown: Pixels, truth: Pixels) -> float:
     """Peak signal-to-noise ratio of display values, in dB."""
-    difference = (picture.astype(np.float64) - truth.astype(np.float64)) / 255
+    difference = (shown.astype(np.float64) - truth.astype(np.float64)) / 255
     return -10 * math.log10(max(float(np.mean(difference**2)), 1e-12))
-
-
-def read_png(path: Path) -> Pixels:
-    """(H, W, 3) display values."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"), dtype=np.uint8)
 
 
 def rows_of(scene: Path, frames: Path, camera: str) -> list[Row]:
@@ -66,8 +54,7 @@ def rows_of(scene: Path, frames: Path, camera: str) -> list[Row]:
         tinted, truth = frames / "tint" / relit.name, scene / "truth" / relit.name
         if not (tinted.exists() and truth.exists()):
             continue
-        capture = encode_display(read_exr(relit.with_suffix(".exr")).layer("unlit"), DisplaySettings())
-        pictures = {"capture": capture, "tint": read_png(tinted), "ratio": read_png(relit), "truth": read_png(truth)}
+        pictures = {"capture": unlit(relit), "tint": picture(tinted), "ratio": picture(relit), "truth": picture(truth)}
         if len({x.shape for x in pictures.values()}) > 1:
             sizes = ", ".join(f"{name} {x.shape[1]}x{x.shape[0]}" for name, x in pictures.items())
             raise InputError(relit, f"pictures of different sizes: {sizes}", "render at the size of the truth")

@@ -107,6 +107,21 @@ def test_an_edit_is_taken_or_refused_in_a_line(asker: Asker) -> None:
     assert asker.session._text == text
 
 
+def test_captured_light_beside_others_has_lights_of_its_own(asker: Asker) -> None:
+    """What is estimated has none that could be shown."""
+    known = "{ environment = { radiance = 2 } }"
+    text = """splats = "corner.ply"
+proxy = "splats"
+lightings = ["captured", { name = "dim", environment = { radiance = 0.1 } }]
+captured = """
+    (asker.folder / "beside.toml").write_text(text + known)
+    (asker.folder / "estimated.toml").write_text(f'{text}"estimate"')
+    both = opened(str(asker.folder / "beside.toml"), None).data["lightings"]
+    assert [(x["name"], x["environment"]["radiance"]) for x in both] == [("captured", 2), ("dim", 0.1)]
+    with pytest.raises(InputError, match="the light of the capture, which is estimated; take it out"):
+        opened(str(asker.folder / "estimated.toml"), None)
+
+
 def test_up_is_turned_by_hand(asker: Asker) -> None:
     """A direction that is pointed at in the world is one of the capture's own axes."""
     document = opened(asker.folder / "corner.ply", asker.folder / "up.studio.toml", "0 0.6 0.8")

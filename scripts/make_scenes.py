@@ -25,9 +25,10 @@ from scenegen.recipe import Recipe  # noqa: E402
 from scenegen.truth import F32, Looks, Truth  # noqa: E402
 
 from mirelight.base import colour  # noqa: E402
-from mirelight.model import Camera  # noqa: E402
+from mirelight.io import splats as splat_files  # noqa: E402
+from mirelight.model import Camera, SplatCloud  # noqa: E402
 
-TRAINED = "plinth"  # splats that an optimiser made from pictures; the others are made from true surfaces
+TRAINED = "plinth"  # splats that an optimiser made from pictures alone; the others begin as discs on true surfaces
 SCENES = ("courtyard", "stage", TRAINED)
 TRUTH_SPP = 160
 GUIDE_SPP = 32
@@ -47,8 +48,8 @@ def say(text: str, start: float) -> None:
     print(f"{time.monotonic() - start:6.1f} s  {text}", flush=True)
 
 
-def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, start: float) -> None:
-    """Scatter splats on what the orbit sees, bake a first colour, fit the colours to photographs, write the capture."""
+def make_discs(recipe: Recipe, looks: Looks, captured: Truth, start: float) -> SplatCloud:
+    """Scatter splats on what the orbit sees, bake a first colour, fit the colours to photographs."""
     from scenegen import fit, surfels
 
     from mirelight.base.colour import srgb_encode
@@ -67,7 +68,20 @@ def make_splats(recipe: Recipe, looks: Looks, captured: Truth, folder: Path, sta
         light = captured.photograph(small, PHOTOGRAPH_SPP, seed=100 + k)[..., :3]
         views.append(fit.View(camera=small, shown=np.asarray(srgb_encode(np.clip(light, 0, 1)), dtype=np.float64)))
         say(f"photograph {k + 1} of {len(recipe.orbit)}", start)
-    writing.write_splats(fit.fit_colours(cloud, views), folder)
+    return fit.fit_colours(cloud, views)
+
+
+def make_splats(recipe: Recipe, looks: Looks, folder: Path, start: float) -> None:
+    """Make discs, train them on pictures, write the capture; discs and pictures are kept, so that a run goes on."""
+    from scenegen import refine
+
+    captured, kept = Truth(looks, recipe.captured), ROOT / "out" / "make_scenes" / recipe.name
+    discs = kept / writing.SPLATS
+    if not discs.is_file():
+        kept.mkdir(parents=True, exist_ok=True)
+        writing.write_splats(make_discs(recipe, looks, captured, start), kept)
+    begun = splat_files.read(discs)
+    writing.write_splats(refine.refined(begun, recipe, captured, kept, lambda text: say(text, start)), folder)
 
 
 def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
@@ -94,7 +108,7 @@ def make(recipe: Recipe, folder: Path, only: list[str]) -> None:
         writing.write_proxy(mesh, recipe, folder)
         say(f"proxy of {len(mesh.faces)} triangles", start)
     if "splats" in only:
-        make_splats(recipe, looks, Truth(looks, recipe.captured), folder, start)
+        make_splats(recipe, looks, folder, start)
         say("done", start)
 
 

@@ -29,7 +29,7 @@ from mirelight.model import Camera, Lighting, ProxyMesh, SplatCloud
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.types import Soup
 
-SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/
+SHIPPED = ("courtyard", "stage")  # splats that lie in scenes/: discs until 0.25.0, which were then trained
 BAKE_SPP = {
     "courtyard_walk": 64,
     "interior": 48,

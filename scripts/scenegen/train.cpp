@@ -2,7 +2,10 @@
 // Real-Time Radiance Field Rendering") describe it: projected Gaussians blended front to back, a loss of 0.8 L1 and
 // 0.2 D-SSIM, Adam, clones, splits, pruning and opacity resets. scenegen/training.py compiles and runs it:
 //
-//     train DATA RESULT ITERATIONS MOST_SPLATS
+//     train DATA RESULT ITERATIONS MOST_SPLATS [DEGREE START]
+//
+// START: rows of splats that are good already, as RESULT has them. Training goes on from there with harmonics of at most
+// DEGREE: places move a tenth as fast, and opacities are not reset.
 //
 // Sums are made in an order that no number of threads changes, so one machine makes the same bits each time.
 #include <omp.h>
@@ -27,6 +30,7 @@ constexpr float BLUR = 0.3f;  // px^2 that every print is widened by
 constexpr float FAINT = 1 / 255.f, OPAQUE = 0.99f, SPENT = 1e-4f;
 constexpr float NEAREST = 0.05f;  // world units
 constexpr float RESET = 0.01f, LEAST_OPACITY = 0.005f;
+constexpr float GOING_ON = 0.1f;  // how fast places move that are good already
 constexpr float WANTED = 2e-4f;  // mean gradient of a place, in half pictures, above which a splat is not enough
 constexpr float SMALL = 0.01f, LARGE = 0.1f;  // of the cameras' extent: cloned below, pruned above
 constexpr float HARMONIC = 0.28209479177387814f;
@@ -57,6 +61,8 @@ struct Shape {  // what the way from parameters to a print has on it
 
 static int width, height, tiles_x, tiles_y;
 static float extent;
+static int highest = 3;  // degree of the harmonics
+static bool going_on = false;
 static Floats rows, gradients, momenta, variances;
 static std::vector<float> place_gradients;
 static std::vector<int> place_counts;
@@ -457,7 +463,7 @@ static double loss(const View& v, Picture& picture, Floats& by_pixel) {
 
 static void step(int iteration, float done) {
     float rates[ROW];
-    const float place = extent * std::exp(std::log(2.4e-4f) * (1 - done) + std::log(2.4e-6f) * done);
+    const float place = (going_on ? GOING_ON : 1) * extent * std::exp(std::log(2.4e-4f) * (1 - done) + std::log(2.4e-6f) * done);
     std::fill(rates + POSITION, rates + SCALE, place), std::fill(rates + SCALE, rates + TURN, 7.5e-3f);
     std::fill(rates + TURN, rates + OPACITY, 1.5e-3f), rates[OPACITY] = 0.05f;
     std::fill(rates + COLOUR, rates + COLOUR + 3, 3.75e-3f), std::fill(rates + COLOUR + 3, rates + ROW, 1.9e-4f);
@@ -572,6 +578,16 @@ static std::vector<Picture> load(const char* path) {
     return pictures;
 }
 
+static void go_on_from(const char* path) {
+    FILE* file = std::fopen(path, "rb");
+    if (!file || std::fseek(file, 0, SEEK_END)) std::perror(path), std::exit(1);
+    rows.resize(std::ftell(file) / (4 * ROW) * ROW);
+    std::rewind(file), read(rows.data(), rows.size(), file), std::fclose(file);
+    momenta.assign(rows.size(), 0.f), variances = momenta, gradients = momenta;
+    place_gradients.assign(count(), 0.f), place_counts.assign(count(), 0);
+    going_on = true;
+}
+
 static void train(std::vector<Picture>& pictures, int iterations, int most) {
     std::mt19937 random(1);
     std::vector<int> order;
@@ -587,7 +603,7 @@ static void train(std::vector<Picture>& pictures, int iterations, int most) {
         }
         Picture& picture = pictures[order.back()];
         order.pop_back();
-        const int degree = std::min(3, 10 * (i - 1) / iterations);
+        const int degree = std::min(highest, 10 * (i - 1) / iterations);
         view.look(picture.camera, degree);
         blend(view);
         const double now = loss(view, picture, by_pixel);
@@ -596,13 +612,14 @@ static void train(std::vector<Picture>& pictures, int iterations, int most) {
         gather(view, picture.camera, degree, by_pair);
         step(i, float(i) / iterations);
         if (i % 100 == 0 && i >= iterations / 10 && i < grown) densify(most, i > reset, random);
-        if (i % reset == 0 && i < grown) reset_opacities();
+        if (i % reset == 0 && i < grown && !going_on) reset_opacities();
         if (i % 100 == 0) std::printf("%d %.4f %d\n", i, smooth, count()), std::fflush(stdout);
     }
 }
 
-int main(int, char** arguments) {
+int main(int given, char** arguments) {
     std::vector<Picture> pictures = load(arguments[1]);
+    if (given > 6) highest = std::atoi(arguments[5]), go_on_from(arguments[6]);
     train(pictures, std::atoi(arguments[3]), std::atoi(arguments[4]));
     std::vector<char> wanted(count());
     for (int i = 0; i < count(); i++) {

@@ -25,6 +25,7 @@ ROW = 59  # numbers of a splat in the trainer's result
 OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])  # the trainer's cameras: x right, y down, z ahead
 START_NOISE = 0.01  # of the scene's size: where structure from motion puts its points
 LOOKED_FROM = (60, 40)  # pixels of the pictures in which start points are found
+CLEAREST = 0.985  # opacity that training goes on from: nearer to 1 it no longer moves
 NEIGHBOURS = 3  # whose mean distance a start point's size is
 
 F32 = NDArray[np.float32]
@@ -166,11 +167,42 @@ def train(cameras: Sequence[Camera], pictures: Sequence[F32], points: F64, sizes
         sizes: (P,) deviations of the splats there.
         how: how long, and how many splats.
     """
+    colours = np.random.default_rng(7).random((len(points), 3))
+    begun = np.concatenate([points, sizes[:, None], colours], axis=1)
+    return _run(cameras, pictures, _extent(cameras, points), begun, None, how)
+
+
+def refined(cloud: SplatCloud, cameras: Sequence[Camera], pictures: Sequence[F32], how: Shooting) -> SplatCloud:
+    """Splats of one colour each that show the pictures already, trained on them: as many at most, of one colour each.
+
+    Args:
+        cloud: what training goes on from, of degree 0.
+        cameras: the pictures'.
+        pictures: (H, W, 3) each, display-encoded, on black.
+        how: how long, and how many splats.
+    """
+    opacities = np.clip(cloud.opacities.astype(np.float64), 0.01, CLEAREST)
+    rows = np.zeros((len(cloud), ROW), "<f4")
+    rows[:, :3], rows[:, 3:6], rows[:, 6:10] = cloud.means, np.log(cloud.scales), cloud.quats
+    rows[:, 10], rows[:, 11:14] = np.log(opacities / (1 - opacities)), cloud.sh[:, 0]
+    extent = _extent(cameras, cloud.means.astype(np.float64))
+    made = cloud_of(_run(cameras, pictures, extent, np.zeros((0, 7)), rows, how))
+    return replace(made, sh=made.sh[:, :1])
+
+
+def _extent(cameras: Sequence[Camera], points: F64) -> float:
+    """The length that steps are measured in."""
     eyes = np.stack([x.position for x in cameras])
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     # a person in a room hardly moves: lengths are the scene's where it is larger than the walk
-    extent = max(1.1 * np.linalg.norm(eyes - eyes.mean(axis=0), axis=1).max(), 0.4 * np.linalg.norm(high - low))
-    colours = np.random.default_rng(7).random((len(points), 3))
+    walked = float(np.linalg.norm(eyes - eyes.mean(axis=0), axis=1).max())
+    return max(1.1 * walked, 0.4 * float(np.linalg.norm(high - low)))
+
+
+def _run(
+    cameras: Sequence[Camera], pictures: Sequence[F32], extent: float, points: F64, start: F32 | None, how: Shooting
+) -> F32:
+    """Rows of the program, from points (P, 7) or from rows that are there, which then stay of degree 0."""
     with tempfile.TemporaryDirectory() as folder:
         data, result = Path(folder) / "data", Path(folder) / "result"
         with data.open("wb") as out:
@@ -179,10 +211,14 @@ def train(cameras: Sequence[Camera], pictures: Sequence[F32], points: F64, sizes
             for camera, picture in zip(cameras, pictures, strict=True):
                 out.write(_packed(camera).tobytes())
                 out.write(np.ascontiguousarray(picture.transpose(2, 0, 1), "<f4").tobytes())
-            out.write(np.concatenate([points, sizes[:, None], colours], axis=1).astype("<f4").tobytes())
+            out.write(points.astype("<f4").tobytes())
+        limits = [str(how.iterations), str(how.most)]
+        if start is not None:
+            begun = Path(folder) / "start"
+            start.tofile(begun)
+            limits += ["0", str(begun)]
         program = Path(folder) / "train"
         subprocess.run([*COMPILER, SOURCE, "-o", program], check=True)  # takes seconds
-        limits = [str(how.iterations), str(how.most)]
         subprocess.run([program, data, result, *limits], check=True, stdout=subprocess.DEVNULL)
         return np.fromfile(result, "<f4").reshape(-1, ROW)
 

@@ -4,7 +4,8 @@ With irradiance / pi = open @ sky + seen * sun + met, the logarithm of albedo is
 loss is a robust mean over pairs of places, near and farther ones, whose albedos have the same chroma, of how much these
 differ. It knows scale from what surfaces send each other alone, and colour hardly. So the sun is drawn to sunlight's
 colour, or without one what comes from sky and lamps (not what surfaces send, which has their colour) to white in the
-mean; and albedos between bounds.
+mean; and albedos between bounds. Few places see much of what comes from below the horizon, and left free it takes what
+the proxy gets wrong (40 times too bright in a park, which hid the sun): ground reflects no more than comes down to it.
 """
 
 from __future__ import annotations
@@ -170,6 +171,8 @@ class Weighing:
     firm: NDArray[np.bool_] | None = None  # (N,) places that are fitted to; None: all
     robust: float = TUNING.fit_robust  # of the logarithm of albedo: less where colours are means
     steady: float = 0.0  # weight of squared logarithms of quotients of neighbouring rings above the horizon
+    # (PATCHES + K,) of what ground outside gets from each source: no more than that comes from below the horizon
+    ground: F64 | None = None
     sunlight: F64 | None = None  # (3,) colour that the first beam is drawn to, from that step on;
     sunlight_from: int = 0  # before, or without one, all direct light is drawn to white
 
@@ -230,6 +233,8 @@ def fit(
         second = 0.99 * second + 0.01 * gradient**2
         rate = TUNING.fit_rate * 0.5 * (1 + np.cos(np.pi * step / TUNING.fit_steps))
         theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
+        if by.ground is not None:
+            theta[ABOVE : len(RINGS)] = np.minimum(theta[ABOVE : len(RINGS)], np.log(by.ground @ sources))
     sources = _radiances(theta)
     return Fitted(sources[:PATCHES], sources[PATCHES:], task.loss(sources, weights))
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base import conventions
+from mirelight.estimate.tuning import TUNING
 from mirelight.model import F32, F64
 
 Int: TypeAlias = NDArray[np.int64]
@@ -53,6 +54,23 @@ def glow(to_sun: F64) -> F64:
     patches = patch_of(directions).ravel()
     shone = np.bincount(patches, (area * _indicatrix(directions, to_sun)).ravel(), PATCHES)
     return np.asarray(shone / np.bincount(patches, area.ravel(), PATCHES))
+
+
+def ground_under(to_sun: F64 | None, shape: F64, beams: int) -> F64:
+    """(PATCHES + beams,) the most that ground outside can reflect of each source at strength 1: all that comes down.
+
+    Args:
+        to_sun: (3,) unit, of the first beam; None: there is no sun. Other beams are lamps of the captured place.
+        shape: (PATCHES,) by how much each patch is brighter than its strength; the radiance is in that of the ground's.
+        beams: how many.
+    """
+    directions, area = _pixels()
+    cosine = np.maximum(directions[..., 1], 0) * area
+    out = np.zeros(PATCHES + beams)
+    out[:PATCHES] = shape * np.bincount(patch_of(directions).ravel(), cosine.ravel(), PATCHES) / cosine.sum()
+    if to_sun is not None:
+        out[PATCHES] = TUNING.fit_ground_sun * max(float(to_sun[1]), 0.0)
+    return out / shape[-1]
 
 
 def _indicatrix(directions: F64, to_sun: F64) -> F64:

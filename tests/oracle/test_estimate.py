@@ -17,7 +17,7 @@ from mirelight.base.errors import RenderError
 from mirelight.estimate import Estimate, edges, estimate, fit, lighting_of, solve, sun, transport
 from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.estimate.fit import Pairs
-from mirelight.estimate.sky import PATCHES, as_map, glow, patch_of, sphere
+from mirelight.estimate.sky import ABOVE, PATCHES, RING_OF, RINGS, as_map, glow, ground_under, patch_of, sphere
 from mirelight.estimate.tuning import TUNING
 from mirelight.lighting import Tracer
 from mirelight.lighting.albedo import face_normals
@@ -324,6 +324,32 @@ def test_bars_that_the_proxy_lacks_take_less_of_the_suns_strength() -> None:
     )
     assert every < 0.3
     assert 0.5 < agreeing < 1
+
+
+def test_ground_outside_reflects_at_most_all_that_comes_down() -> None:
+    white = np.ones(PATCHES)
+    assert ground_under(None, white, 0) @ white == pytest.approx(1)
+    sun_alone = np.append(0 * white, 3.0)  # irradiance / pi of a surface that faces it
+    assert ground_under(TO_SUN, white, 1) @ sun_alone == pytest.approx(TUNING.fit_ground_sun * 3 * TO_SUN[1])
+    assert ground_under(-TO_SUN, white, 1) @ sun_alone == 0
+
+
+def test_few_places_that_see_below_the_horizon_make_no_lamp_of_the_ground() -> None:
+    """Ground is all around, and what the proxy gets wrong at its rim looks like light from below."""
+    places, pairs, _, seen, _ = known_yard()
+    rim = np.random.default_rng(5).uniform(0, 1, len(places)) < 0.08
+    below = np.isin(RING_OF, np.arange(ABOVE, len(RINGS)))
+    open_ = np.where(below, rim[:, None] * 0.3 / below.sum(), places.open)
+    color = np.where(rim[:, None], 5 * places.color, places.color)
+    ground = ground_under(TO_SUN, np.ones(PATCHES), 1)
+    free, bounded = (
+        fit.fit(color, open_, places.met, seen[:, None], pairs, float(np.mean(SKY)), [beam_of_yard().mean()], by)
+        for by in (fit.Weighing(), fit.Weighing(ground=ground))
+    )
+    most = (ground @ np.concatenate([np.tile(SKY, (PATCHES, 1)), beam_of_yard()])).mean()
+    assert free.sky[below].mean() > 4 * most
+    assert bounded.sky[below].mean() < 1.5 * most
+    assert abs(bounded.beams.mean() / beam_of_yard().mean() - 1) < 0.1
 
 
 def test_pictures_of_any_balance_have_sunlight_of_its_colour() -> None:

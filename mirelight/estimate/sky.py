@@ -70,7 +70,7 @@ def ground_under(to_sun: F64 | None, shape: F64, beams: int) -> F64:
     out[:PATCHES] = shape * np.bincount(patch_of(directions).ravel(), cosine.ravel(), PATCHES) / cosine.sum()
     if to_sun is not None:
         out[PATCHES] = TUNING.fit_ground_sun * max(float(to_sun[1]), 0.0)
-    return out / shape[-1]
+    return np.asarray(out / shape[-1])
 
 
 def _indicatrix(directions: F64, to_sun: F64) -> F64:

@@ -1,15 +1,18 @@
-"""Frames of the shipped capture that was trained on pictures, beside its shipped path-traced truth.
+"""Frames of the shipped scenes beside their shipped path-traced truth.
 
     python scripts/bench shipped [--width 320] [--pictures DIR]
 
-Its proxy is made from the splats. Frames have half the job's pixels, so their splats are composited finer. Scored where
-the true surface is, and in the whole picture, with what splats show behind it. Needs the extra `scenes`.
+Courtyard and stage have light that is known, frames of twice that width, and whole pictures are compared: as they are,
+and averaged over 4x4 pixels in linear light, which takes out most of the noise of both sides. The plinth's proxy is
+made from its splats, and its light is estimated, too. Its frames have half the job's pixels, so their splats are
+composited finer; they are scored where the true surface is, and in the whole picture, with what splats show behind it.
+Needs the extra `scenes`.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +22,7 @@ from scenegen.truth import Truth
 from trained_scene import recipe
 
 from bench.common import Table, path, side_by_side, table
-from bench.modes import decibels, opened, shown, truth
+from bench.modes import CAPTURED, decibels, opened, shown, truth
 from mirelight.io import job as jobs
 from mirelight.model import Job
 from mirelight.pipeline import stages
@@ -28,7 +31,19 @@ from mirelight.relighting import unlit_rgba
 ROOT = Path(__file__).resolve().parents[2]
 COVERAGE_SPP, WHOLE = 16, 0.99  # samples that say where the surface is, and the share of them that meets it
 
+WAYS: dict[str, tuple[str, ...]] = {
+    "tint": ("relight.mode=tint",),
+    "gray proxy": ('proxy={path="proxy.glb"}',),
+    "as shipped": (),
+    "own proxy": ('proxy={path="splats",albedo="splats"}', "cameras_from=proxy.glb"),
+    "own, with cameras": (
+        'proxy={path="splats",albedo="splats",cameras="transforms.json"}',
+        "cameras_from=proxy.glb",
+    ),
+}
+
 Bool = NDArray[np.bool_]
+Picture = NDArray[np.floating]
 
 
 def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
@@ -55,6 +70,41 @@ def rows(job: Job, pictures: Path | None) -> Iterator[tuple[object, ...]]:
         yield f"{lighting.name}, whole picture", *(decibels(x, true) for x in frames)
 
 
+def known(
+    scene: str, ways: Mapping[str, Sequence[str]], settings: Sequence[str], chosen: argparse.Namespace, width: int
+) -> Iterator[tuple[object, ...]]:
+    """A row for each lighting of a scene whose captured light is given: decibels by way, each a job's settings."""
+    height = width * 9 // 16
+    jobs_by_way = {
+        name: jobs.load(ROOT / "scenes" / scene / "job.toml", [*settings, *way]) for name, way in ways.items()
+    }
+    camera = next(x for x in jobs_by_way["tint"].cameras if x.name == "front").resized(width, height)
+    found = [
+        opened(replace(job, output=replace(job.output, directory=chosen.cache / scene / name)))
+        for name, job in jobs_by_way.items()
+    ]
+    layer = stages.composite(found[0], camera)
+    assert layer is not None
+    capture = unlit_rgba(layer)[..., :3]
+    own = truth(scene, CAPTURED[scene], (height, width))
+    yield f"{scene}, as captured", both(capture, own), *[""] * len(ways)
+    for lighting in jobs_by_way["tint"].lightings:
+        true = truth(scene, lighting.name, (height, width))
+        frames: list[Picture] = [capture, *(stages.frame(x, camera, lighting).rgba[..., :3] for x in found)]
+        if chosen.pictures is not None:
+            side_by_side(chosen.pictures / f"{scene}.{lighting.name}.png", [shown(x) for x in [*frames, true]])
+        yield f"{scene}, {lighting.name}", *(both(x, true) for x in frames)
+
+
+def both(frame: Picture, true: Picture) -> str:
+    """Decibels of a linear picture (H, W, 3), and of means over 4x4 pixels, as PNGs hold them."""
+    pictures = [np.clip(x, 0, 1) for x in (frame, true)]
+    h, w, _ = true.shape
+    means = [x[: h // 4 * 4, : w // 4 * 4].reshape(h // 4, 4, w // 4, 4, 3).mean(axis=(1, 3)) for x in pictures]
+    every, coarse = (decibels(*map(shown, pair)) for pair in (pictures, means))
+    return f"{every:.1f} ({coarse:.1f})"
+
+
 def options(parser: argparse.ArgumentParser) -> None:
     """The part's own."""
     parser.add_argument("--spp", type=int, default=64)
@@ -64,11 +114,15 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(chosen: argparse.Namespace) -> list[Table]:
-    """The table."""
+    """The tables."""
     spp, width = (1, 64) if chosen.quick else (chosen.spp, chosen.width)
     settings = [f"render.spp={spp}", "output.layers=false", "compositor.supersampling=2"]
     job = jobs.load(ROOT / "scenes" / "plinth" / "job.toml", settings)
     job = replace(job, cameras=(job.cameras[0].resized(width, width * 9 // 16),))
     job = replace(job, output=replace(job.output, directory=chosen.cache))
     columns = ("", "unchanged capture", "tint", "as shipped", "light known")
-    return [table("A trained capture", columns, rows(job, chosen.pictures))]
+    plinth = table("A trained capture", columns, rows(job, chosen.pictures))
+    ways = WAYS if not chosen.quick else {name: WAYS[name] for name in ("tint", "gray proxy")}
+    scenes = ("courtyard",) if chosen.quick else ("courtyard", "stage")
+    given = (row for scene in scenes for row in known(scene, ways, settings[:2], chosen, 2 * width))
+    return [table("Light that is known", ("", "unchanged capture", *ways), given), plinth]

@@ -81,9 +81,8 @@ class Pace:
         self._last: dict[Hashable, float] = {}  # by camera that has a frame, when its last one was made
         self._first: list[float] = []  # what cameras' first frames took
         self._later: dict[int, list[float]] = defaultdict(list)  # by place, what other frames took
-        self._parts: dict[
-            Hashable, tuple[float, float]
-        ] = {}  # by camera, how much of its first frame is done, and when
+        # by camera, how much of its first frame is done, and when
+        self._parts: dict[Hashable, tuple[float, float]] = {}
         self._grown: dict[Hashable, tuple[float, float]] = {}  # by camera, a share of it, and the seconds that it took
         self._traced: float | None = None  # seconds that all samples of a frame take, as the newest has it
 

@@ -171,7 +171,7 @@ class Weighing:
     firm: NDArray[np.bool_] | None = None  # (N,) places that are fitted to; None: all
     robust: float = TUNING.fit_robust  # of the logarithm of albedo: less where colours are means
     steady: float = 0.0  # weight of squared logarithms of quotients of neighbouring rings above the horizon
-    # (PATCHES + K,) of what ground outside gets from each source: no more than that comes from below the horizon
+    # (PATCHES + K,) as `ground_under` has it: no more than that, of all sources, comes from below the horizon
     ground: F64 | None = None
     sunlight: F64 | None = None  # (3,) colour that the first beam is drawn to, from that step on;
     sunlight_from: int = 0  # before, or without one, all direct light is drawn to white

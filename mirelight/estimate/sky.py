@@ -57,7 +57,8 @@ def glow(to_sun: F64) -> F64:
 
 
 def ground_under(to_sun: F64 | None, shape: F64, beams: int) -> F64:
-    """(PATCHES + beams,) the most that ground outside can reflect of each source at strength 1: all that comes down.
+    """(PATCHES + beams,) the most that ground outside may reflect of each source at strength 1: all that comes down to
+    it from the sky, and `TUNING.fit_ground_sun` times what comes from the sun.
 
     Args:
         to_sun: (3,) unit, of the first beam; None: there is no sun. Other beams are lamps of the captured place.

@@ -78,8 +78,8 @@ class Tuning:
     fit_smooth: float = 0.2  # weight of patches that differ from their ring's mean
     # weight of rings above the horizon that differ from the next: a proxy's errors pass for such skies
     fit_steady: float = 0.01
-    # times the sun that is found, of which ground outside may reflect all: what a proxy gets wrong makes the sun
-    # too weak, and with 1 one behind bars that a toy lacks had 0.4 of its strength
+    # times the sun that is found: ground outside may reflect so much, as what a proxy gets wrong makes the sun too
+    # weak. With 1 that of a toy yard, behind bars that its proxy lacks, had 0.4 of its strength
     fit_ground_sun: float = 2.0
     fit_floor: float = 0.005  # of the mean irradiance, added: nothing is black
     fit_steps: int = 150  # of the descent

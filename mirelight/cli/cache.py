@@ -42,7 +42,7 @@ COMMAND = Command(
     name="cache",
     group="data",
     help="say what is kept for every command, or clear it",
-    description="Say where proxies made from splats, estimates of captured light and guessed cameras are kept for "
+    description="Say where proxies made from splats, estimates of captured light with their pictures, and guessed cameras are kept for "
     "every command, and how much that is. All of it can be made again.",
     examples=(
         "cache",

@@ -78,7 +78,7 @@ def run_estimate(args: argparse.Namespace) -> int:
     use, files = _written(out, exr, work, found.lighting, notes)
     if camera is not None:
         files.append(out.with_suffix(".png"))
-        write_png(files[-1], _picture(work, found.lighting, camera), {})
+        write_png(files[-1], _picture(scene, found.lighting, _small(camera)), {})
     if glossy is not None:
         lines += _materials(work, scene, found.lighting, glossy, camera, files, None if args.quiet else say.remark)
     _tell(args, files, use, found.lighting, lines, doubts)
@@ -217,24 +217,34 @@ def _camera(work: Job, name: str | None) -> Camera | None:
     return chosen(work, "camera", work.cameras, [name])[0]
 
 
-def _picture(work: Job, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]:
-    """The sheet of one camera, its proxy in the splats' colours."""
+def _picture(scene: Scene, lighting: Lighting, camera: Camera) -> NDArray[np.uint8]:
+    """The sheet of one camera, its proxy in the splats' colours; found where the user's cache has it, or made."""
     from mirelight.estimate.pictures import sheet
+    from mirelight.model import digest
+    from mirelight.pipeline.cache import UserCache
+    from mirelight.pipeline.codecs import array_of
     from mirelight.pipeline.scene import prepare
     from mirelight.relighting import unlit_rgba
 
-    camera = _small(camera)
-    scene = prepare(
+    work = scene.job
+    shown = prepare(
         replace(
             work,
             captured=lighting,
             albedo_from_splats=True,
             render=replace(work.render, profile="physical", spp=SPP, noise=None, denoise=False),
             relight=replace(work.relight, profile="physical", mode="ratio"),
-        )
+        ),
+        like=scene,
     )
-    layer = scene.compositor.composite(camera)
-    return sheet(unlit_rgba(layer), scene.tracer.trace(lighting, camera))
+    kept, key = UserCache(), digest("sheet of an estimate", shown.keys.frame(camera, lighting))
+    codec = array_of((camera.height, 3 * camera.width, 3))
+    made = kept.get(key, codec)
+    if made is None:
+        layer = shown.compositor.composite(camera)
+        made = sheet(unlit_rgba(layer), shown.tracer.trace(lighting, camera))
+        kept.put(key, made, codec)
+    return made
 
 
 def _small(camera: Camera) -> Camera:

@@ -94,6 +94,8 @@ class Scene(Prepared):
         if same_splats:
             mine.update({name: ready[name] for name in ("splats",) if name in ready})
         same_machine = (job.render.variant, job.render.threads) == (theirs.render.variant, theirs.render.threads)
+        if same_machine and self.keys.views == other.keys.views:
+            mine.update({name: ready[name] for name in ("views",) if name in ready})
         if same_splats and same_machine and job.compositor == theirs.compositor:
             mine.update({name: ready[name] for name in ("compositor",) if name in ready})
         if job.proxy is None or theirs.proxy is None or self.keys.proxy != other.keys.proxy:

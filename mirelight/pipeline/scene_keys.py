@@ -63,6 +63,13 @@ class SceneKeys:
         glow = [self._mesh] if requirements.painted_glow(self.job) else []
         return digest("estimate", replace(sky, intensity=1.0), *self._looked_at, *glow, self._device)
 
+    @cached_property
+    def views(self) -> str:
+        """What the capture's cameras see, known or guessed."""
+        own = self.job.own_splats
+        guessed_in = own and (own.splats.digest, own.world_from_own)
+        return digest("views", *self._shown, guessed_in, self._device)
+
     @property
     def _shown(self) -> tuple[object, ...]:
         """What tells the captured colours: splats, the cameras that they are looked at from, their pictures."""

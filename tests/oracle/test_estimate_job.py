@@ -185,7 +185,7 @@ def test_every_command_finds_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_it_is_kept_with_all_that_is_said_of_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The command finds what it, or a render, made before: the same files, the same words."""
+    """The command finds what it, or a render, made before: the same files, the same words; its picture, too."""
     lamp = PointLight(name="lamp", position=np.array([1.0, 1, 1]), color=np.array([1, 0.7, 0.3]), intensity=2.1)
     monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: told(3.0, lamp))
     (folder / "lamp.toml").write_text(
@@ -201,10 +201,13 @@ def test_it_is_kept_with_all_that_is_said_of_it(
     for name in ("first", "second"):
         assert main(["estimate", str(folder / "lamp.toml"), "-o", str(folder / f"{name}.toml"), "--json"]) == 0
         said.append(json.loads(capsys.readouterr().out.replace(f"{name}.", "found.")))
+        monkeypatch.setattr("mirelight.estimate.pictures.sheet", None)
     assert said[0] == said[1] and len(said[0]["captured"]["lights"]) == 2
-    both = [(folder / f"{name}.exr").read_bytes() for name in ("first", "second")]
-    assert both[0] == both[1]
+    for suffix in (".exr", ".png"):
+        assert (folder / f"first{suffix}").read_bytes() == (folder / f"second{suffix}").read_bytes()
     np.testing.assert_array_equal(read_environment(folder / "first.exr"), told(3.0).radiance.astype(np.float32))
+    with pytest.raises(TypeError):  # another view's is drawn
+        main(["estimate", str(folder / "lamp.toml"), "-o", str(folder / "other.toml"), "--set", "resolution=[40, 36]"])
 
 
 def test_a_frame_is_relit_by_it(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,7 @@ from mirelight.model import (
     LayerFactor,
     Lighting,
     OutputSettings,
+    OwnSplats,
     PointLight,
     ProxyMesh,
     ProxyRecipe,
@@ -264,6 +265,7 @@ ARTEFACTS: dict[str, Artefact] = {
     "map": lambda made: made.map_of(sky()),
     "sky": lambda made: made.sky_of(SKY_MODEL, "sky"),
     "sky of an estimate": lambda made: made.sky_of(estimated(made), "sky"),
+    "views": lambda made: made.views,
     "places": lambda made: made.splat_places,
     "splat light": _splat_light,
     "cells": lambda made: made.surface_cells,
@@ -280,7 +282,7 @@ ARTEFACTS: dict[str, Artefact] = {
     "exported picture": _exported,
 }
 # Public names of Keys: those that are keys of an artefact, and those that only help to find one.
-KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places"}
+KEYED = {"made_proxy", "proxy", "captured_level", "estimate", "map_of", "sky_of", "splat_places", "views"}
 KEYED |= {"splat_light", "surface_cells", "surface_transport", "surface_light", "light", "composite", "frame", "file"}
 KEYED |= {
     "splat_distances",
@@ -430,8 +432,8 @@ def test_every_part_of_a_job_has_its_place() -> None:
         "cameras",
         "lightings",
     }
-    content |= {"pooled", "captured", "objects", "materials", "masks"}
-    in_no_key = {"source", "splat_files", "own_splats", "inputs", "notes"}
+    content |= {"pooled", "captured", "objects", "materials", "masks", "own_splats"}
+    in_no_key = {"source", "splat_files", "inputs", "notes"}
     assert {field.name for field in fields(Job)} == content | in_no_key | set(SETTINGS)
 
 
@@ -468,15 +470,19 @@ IN_ROOM: dict[str, tuple[Job, set[str]]] = {
     ),
     "other splats": (
         replace(ROOM, splats=cloud(1.0)),
-        {"colours", *SEEDED, *ON_PROXY, *UNLIT} - {"made proxy"},
+        {"colours", "views", *SEEDED, *ON_PROXY, *UNLIT} - {"made proxy"},
+    ),
+    "other axes of the capture's file": (
+        replace(ROOM, own_splats=OwnSplats(cloud(), 2 * np.eye(4))),
+        {"views"},
     ),
     "other cameras of the capture": (
         replace(ROOM, capture_cameras=(VIEW,)),
-        {"colours", *SEEDED, *ON_PROXY},
+        {"colours", "views", *SEEDED, *ON_PROXY},
     ),
     "other pictures of the capture": (
         replace(ROOM, capture_pictures=(Deferred.of(np.zeros((1, 1, 4), np.float32)),)),
-        {"colours", *SEEDED, *ON_PROXY} - {"made proxy"},
+        {"colours", "views", *SEEDED, *ON_PROXY} - {"made proxy"},
     ),
     "another capture's light": (
         replace(ROOM, captured=replace(CAPTURED, lights=(replace(CAPTURED.lights[0], intensity=9.0),))),
@@ -511,6 +517,15 @@ def test_a_scene_takes_over_a_level_of_its_own_kind_alone() -> None:
     same = replace(JOB, relight=replace(JOB.relight, delta=0.5))
     assert vars(prepare(same, like=known)).get("captured_level") == 0.5
     assert "captured_level" not in vars(prepare(replace(JOB, render=RenderSettings(profile="playcanvas")), like=known))
+
+
+def test_a_scene_takes_over_what_the_capture_s_cameras_see() -> None:
+    """As `mirelight estimate` does for its picture: whatever the light; not of other cameras."""
+    known = prepare(JOB)
+    vars(known)["views"] = ()  # as if they had been looked at
+    lit = replace(JOB, captured=replace(CAPTURED, lights=()), albedo_from_splats=not JOB.albedo_from_splats)
+    assert "views" in vars(prepare(lit, like=known))
+    assert "views" not in vars(prepare(replace(JOB, capture_cameras=(VIEW,)), like=known))
 
 
 # --- what is in no key -----------------------------------------------------------------------------------------------

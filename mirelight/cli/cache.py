@@ -42,8 +42,8 @@ COMMAND = Command(
     name="cache",
     group="data",
     help="say what is kept for every command, or clear it",
-    description="Say where proxies made from splats, estimates of captured light with their pictures, and guessed cameras are kept for "
-    "every command, and how much that is. All of it can be made again.",
+    description="Say where proxies made from splats, estimates of captured light with their pictures, and guessed "
+    "cameras are kept for every command, and how much that is. All of it can be made again.",
     examples=(
         "cache",
         "cache --clear",

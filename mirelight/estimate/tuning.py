@@ -158,7 +158,7 @@ class Tuning:
     lamp_close: tuple[float, float] = (0.005, 0.1)  # of the extent: how near to them half of the candidates are
     lamp_nearest: float = 0.02  # of the extent: a lamp nearer than this to a place counts as that far from it
 
-    # the light as a whole (`solve`)
+    # the light as a whole (`solve`, `which_sun`, `descent`)
     least_open: float = 0.003  # share of the view that must be sky
     least_blocked: float = 0.15  # of the view by other surfaces, below which the scale is not known
     mean_albedo: float = 0.35  # where the scale is not known

@@ -18,6 +18,7 @@ from mirelight.pipeline.codecs import ARRAY, Codec, Packed, composite_of
 from mirelight.pipeline.frames import effort
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
 from mirelight.pipeline.scene import Scene, prepare
+from mirelight.pipeline.surface_light import SurfaceLight
 from mirelight.store import Store, layer_records, write
 
 T = TypeVar("T")
@@ -56,7 +57,7 @@ class _Cost:
     layer: float = 0  # of each light in it
     glow: int = 0  # 1: surfaces that glow are one more set
     scene: int = 0  # in all: what is made once
-    cells: int = 0  # of the surface, where reflected light is read there
+    surface: SurfaceLight | None = None  # where reflected light is read there
 
 
 def forecast(plan: Plan) -> Forecast:
@@ -84,9 +85,13 @@ def forecast(plan: Plan) -> Forecast:
         if job.output.store != "frames":
             glow = cost.glow if sets else 0
             size += pixels * (cost.view + (sets + glow) * cost.geometry + (lights + glow) * cost.layer)
-    fills = int(not store.has_layers([made.surface_transport])) if cost.cells else None
-    gathered = [x for key, x in _on_surface(plan, missing).items() if not store.has_layers([key])] if cost.cells else []
-    size += _of_surface(cost.cells, bool(fills), gathered) if cost.cells else 0
+    fills, gathered = None, 0
+    if cost.surface is not None:
+        fills = int(not store.has_layers([made.surface_transport]))
+        due = _due_on_surface(plan, missing, store)
+        gathered = sum(len(x) for x in due)
+        size += _of_surface(len(cost.surface.cells), bool(fills), [x for parts in due for x in parts])
+        seconds += _to_gather(cost.surface, bool(fills), due)
     frames = sum(len(g.tasks) for g in plan.groups)
     return Forecast(
         frames=frames,
@@ -95,7 +100,7 @@ def forecast(plan: Plan) -> Forecast:
         lightings=max(len(g.tasks) for g in plan.groups),
         traces=traces,
         fills=fills,
-        gathered=len(gathered),
+        gathered=gathered,
         seconds=seconds,
         bytes=round(size),
         memory=_memory(plan),
@@ -103,12 +108,25 @@ def forecast(plan: Plan) -> Forecast:
     )
 
 
-def _on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]]) -> dict[str, LightSet]:
-    """The unit lights on the surface that frames are made from, by their keys."""
+def _due_on_surface(plan: Plan, missing: Mapping[str, list[FrameTask]], store: Store) -> list[list[LightSet]]:
+    """The unit lights on the surface that frames are made from and that are not kept, as they are gathered together."""
     made = plan.keys
     needs = [needs for group in plan.groups if (needs := _lit_needs(made, group, missing.get(group.name, [])))]
-    sets = {s.digest: s for x in needs for s in x.sets}
-    return {made.surface_light(part): part for one in sets.values() for part in one.parts()}
+    seen: set[str] = set()
+    due = []
+    for one in {s.digest: s for x in needs for s in x.sets}.values():
+        parts = {made.surface_light(part): part for part in one.parts()}
+        due.append([part for key, part in parts.items() if key not in seen and not store.has_layers([key])])
+        seen |= parts.keys()
+    return [parts for parts in due if parts]
+
+
+def _to_gather(surface: SurfaceLight, fills: bool, due: list[list[LightSet]]) -> float:
+    """Seconds, as the first lights to be gathered take them."""
+    if not due:
+        return 0.0
+    between, light = surface.seconds(due[0])
+    return between * fills + light / len(due[0]) * sum(len(x) for x in due)
 
 
 def _of_surface(cells: int, fills: bool, gathered: Iterable[LightSet]) -> int:
@@ -193,7 +211,7 @@ def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
     spp = min(_SPP, job.render.spp)
     with tempfile.TemporaryDirectory() as folder:
         output = replace(job.output, store="frames" if job.output.store == "frames" else "both")
-        # light on the surface is counted, not timed: gathering it takes longer than all the rest here
+        # light on the surface is timed by itself: gathering all of it takes longer than all the rest here
         quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp, indirect="traced"), output=output)
         _once(prepare(quick, kept), small, task, Path(folder))
         sizes = _Sizes(kept)
@@ -205,8 +223,9 @@ def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
     if scene.job.splats is not None:
         composite = scene.composite(small.pinhole)
         sizes.put("", composite, composite_of(small, composite.profile, composite.linear))
-    whole = prepare(job, kept, like=scene)
-    cells = 0 if task.lighting is None or whole.surface_light is None else len(whole.surface_light.cells)
+    surface = None if task.lighting is None else prepare(job, kept, like=scene).surface_light
+    if surface is not None:
+        _ = surface.cells  # counted with what is made once
     if job.output.store != "frames":
         layer_records.keep_around(plan, kept, scene.resolved)
     return replace(
@@ -216,7 +235,7 @@ def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
         layer=sizes.of_layers / max(sizes.layers, 1) / pixels,
         glow=int(task.lighting is not None and scene.glows),
         scene=kept.of_scene + _of_splats(scene, plan),
-        cells=cells,
+        surface=surface,
     )
 
 

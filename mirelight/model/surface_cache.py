@@ -45,6 +45,16 @@ class SurfaceCells(ArrayHolder):
     def __len__(self) -> int:
         return len(self.keys)
 
+    def some(self, most: int) -> SurfaceCells:
+        """At most so many of the cells, from all over the surface, as a table of their own: those of the first buckets,
+        which are the same in a table of half as many."""
+        buckets = len(self.starts) - 1
+        while buckets > 1 and int(self.starts[buckets]) > most:
+            buckets //= 2
+        n = int(self.starts[buckets])
+        rows = {name: getattr(self, name)[:n] for name in ("keys", "anchors", "faces", "corners", "normals")}
+        return replace(self, starts=self.starts[: buckets + 1], **rows)
+
 
 SKY, NOTHING, LOST = 0xFFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFD  # where rays end that end on no node
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 
 _MOST_BYTES = 2**30  # of light that stays in memory
+_MEASURED = 1 << 11  # cells by which it is told how long all of them take
 FILL = 0x1B873593  # between the seeds of fills that are averaged
 
 
@@ -114,22 +115,37 @@ class SurfaceLight:
             self._lights[key] = found
         return True
 
+    def seconds(self, parts: Sequence[LightSet]) -> tuple[float, float]:
+        """About how long it takes to find the rays between all cells, and to gather the light of parts along them.
+
+        Measured on some of the cells, and twice, as the first time compiles. How many fills a noise target takes is not
+        known before there is one.
+        """
+        some, whole = self.cells.some(_MEASURED), _together(parts)
+        lighting = self._lighting_of(whole)
+        for _ in range(2):
+            began = time.perf_counter()
+            transport = self._tracer.transport(some)
+            found = time.perf_counter()
+            self._tracer.fill(some, lighting, transport=transport, emission=_glows(whole))
+            gathered = time.perf_counter()
+        scale = len(self.cells) / max(len(some), 1)
+        return scale * (found - began), scale * (gathered - found)
+
     def _fill(self, parts: dict[str, LightSet], progress: CountProgress | None) -> None:
         """Make parts together, as they share rays, and keep each by itself."""
-        units = tuple(unit for part in parts.values() for unit in part.units)
-        whole = LightSet(units) if units else next(iter(parts.values()))
+        whole = _together(list(parts.values()))
         self._tell(
             f"gathering the light of {self._named(whole)} on {len(self.cells):,} pieces of the surface; "
             "it is kept for the next time"
         )
-        emission = whole.whole is not None or whole.glow
-        lighting = self._lighting_of(whole)
+        lighting, emission = self._lighting_of(whole), _glows(whole)
         made = self._tracer.fill(self.cells, lighting, transport=self.transport, emission=emission, progress=progress)
         if self._job.render.noise is not None:
             made = self._fill_to_noise_target(made, lighting, emission, self._job.render.noise)
         by_name = {light.name: light for light in made.lights}
         for i, key in enumerate(parts):
-            self._lights[key] = (by_name[str(i)],) if units else made.lights
+            self._lights[key] = (by_name[str(i)],) if whole.units else made.lights
             self._kept.put(key, self._lights[key], lights_on(len(self.cells)))
 
     def _named(self, whole: LightSet) -> str:
@@ -171,6 +187,17 @@ class SurfaceLight:
         held = sum(2 * x.direct.nbytes for lights in self._lights.values() for x in lights)
         if held > _MOST_BYTES:
             self._lights = {key: x for key, x in self._lights.items() if key in needed}
+
+
+def _together(parts: Sequence[LightSet]) -> LightSet:
+    """Parts as one set."""
+    units = tuple(unit for part in parts for unit in part.units)
+    return LightSet(units) if units else parts[0]
+
+
+def _glows(whole: LightSet) -> bool:
+    """Whether what glows is a part of it."""
+    return whole.whole is not None or whole.glow
 
 
 def _claim(key: str) -> str:

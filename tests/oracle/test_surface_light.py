@@ -27,9 +27,11 @@ from mirelight.model import (
     SurfaceCells,
     SurfaceTransport,
 )
+from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline.artefact_cache import NullCache
 from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.plan import plan
+from mirelight.pipeline.surface_light import SurfaceLight
 from mirelight.store import Store
 
 from ..analytic.test_surface_cache import room, stage
@@ -187,8 +189,16 @@ def made(work: Job) -> None:
         store.close()
 
 
-def test_turning_the_sky_takes_no_new_fill(tmp_path: Path) -> None:
+def test_turning_the_sky_takes_no_new_fill(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As the forecast says, and as the folder has it."""
+    measured = list[tuple[float, float]]()
+
+    def seconds(surface: SurfaceLight, parts: list[LightSet]) -> tuple[float, float]:
+        measured.append(told(surface, parts))
+        return 1e7 * len(parts), 1e6 * len(parts)
+
+    told = SurfaceLight.seconds
+    monkeypatch.setattr(SurfaceLight, "seconds", seconds)
     one = job()
     sky = one.lightings[0].environment
     assert sky is not None
@@ -201,11 +211,14 @@ def test_turning_the_sky_takes_no_new_fill(tmp_path: Path) -> None:
     first = replace(one, cameras=small, lightings=(turned(0), turned(90)), output=output)
     before = forecast(plan(first))
     assert (before.fills, before.gathered) == (1, 2)
+    assert before.seconds == pytest.approx(1.2e7, rel=1e-2)  # rays, and two skies
     made(first)
     kept = sum(x.stat().st_size for x in tmp_path.rglob("*") if x.is_file())
     assert kept == pytest.approx(before.bytes, rel=0.25), "what lies on the surface is most of it"
     swept = replace(first, lightings=(*first.lightings, turned(180), turned(270)))
     after = forecast(plan(swept))
     assert (after.fills, after.gathered) == (0, 2)
+    assert after.seconds == pytest.approx(2e6, rel=1e-2)
+    assert len(measured) == 2 and min(x for both in measured for x in both) > 0
     made(swept)
     assert forecast(plan(swept)).fills is None

@@ -76,6 +76,15 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
+def test_some_cells_are_a_table_of_their_own() -> None:
+    whole = cells()
+    assert len(whole.some(3)) == 3 and len(whole.some(2)) == len(whole.some(1)) == 1
+    some = whole.some(2)
+    assert some.starts.tolist() == [0, 1, 1]
+    for name in ("keys", "anchors", "faces", "corners", "normals"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(whole, name)[:1])
+
+
 def test_cells_and_their_light_come_back_as_they_were(tmp_path: Path) -> None:
     one, kept = cache(), Artefacts(tmp_path)
     kept.put("cells", one.cells, CELLS)

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.together import each
 from mirelight.model import F64, triangles
 from mirelight.proxy.depth import DepthMap, pixels_of, points_of
 from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup, corners_of
-from mirelight.proxy.views import rays, turned
+from mirelight.proxy.views import dot, length, rays, turned
 
 Bool = NDArray[np.bool_]
 
@@ -40,7 +41,7 @@ class Points:
             normal.append(facing)
             weight.append(trust.astype(np.float64) + 1e-3)
         points, normals, weights = np.concatenate(at), np.concatenate(normal), np.concatenate(weight)
-        near = (points * points).sum(axis=1) < radius * radius
+        near = dot(points, points) < radius * radius
         points, normals, weights = points[near], normals[near], weights[near]
         i = np.floor(points / (TUNING.flat_voxel * spacing)).astype(np.int64) + (1 << 20)
         _, index, count = np.unique(
@@ -52,7 +53,7 @@ class Points:
             return np.stack([np.bincount(index, rows[:, k] * weights) for k in range(3)], axis=1) / total[:, None]
 
         turned_to = mean(normals)
-        agreed = np.linalg.norm(turned_to, axis=1)
+        agreed = length(turned_to)
         return Points(
             mean(points),
             turned_to / np.maximum(agreed, 1e-12)[:, None],
@@ -74,10 +75,11 @@ class Flat:
 
     def cells(self, points: F64) -> tuple[Int, Bool]:
         """(..., 2) the cells that points (..., 3) lie over, and (...,) whether they are among these; else the first."""
-        i = np.floor(np.einsum("...i,ki->...k", points, self.axes) / self.cell)
-        i = np.where(np.isfinite(i), i, -1e9).astype(np.int64) - self.low
-        inner = np.asarray(((i >= 0) & (i < self.there.shape)).all(axis=-1))
-        return np.where(inner[..., None], i, 0), inner
+        i = np.floor(np.einsum("...i,ki->...k", points, self.axes) / self.cell) - self.low
+        first, second = i[..., 0], i[..., 1]  # numpy's tests of all along an axis of two are slow
+        rows, columns = self.there.shape
+        inner = np.asarray((first >= 0) & (first < rows) & (second >= 0) & (second < columns))  # none where not finite
+        return np.where(inner[..., None], i, 0).astype(np.int64), inner
 
     def inside(self, points: F64) -> Bool:
         """(...,) whether points (..., 3) lie over cells where the surface is."""
@@ -120,7 +122,7 @@ def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[F
     for k, (normal, offset, rows) in enumerate(found):
         plane = _turned_upright(points, rows, (normal, offset), square[k], tolerance)
         out.append(_seen(*plane, points, rows, spacing, low, high))
-    return [_confirmed(flat, out, views, tolerance) for flat in out]
+    return each(lambda flat: _confirmed(flat, out, views, tolerance), out)
 
 
 def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
@@ -141,8 +143,8 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
             if weight[on].sum() > held:
                 best, held = int(seed), float(weight[on].sum())
         normal, offset = _fitted(points, left, normals[best], float((at[best] * normals[best]).sum()), tolerance)
-        off = np.abs((points.at[left] * normal).sum(axis=1) - offset)
-        cosine = np.abs((points.normal[left] * normal).sum(axis=1))
+        off = np.abs(dot(points.at[left], normal) - offset)
+        cosine = np.abs(dot(points.normal[left], normal))
         on = (off < tolerance) & (cosine > TUNING.plane_cosine)
         if points.weight[left[on]].sum() < least:
             break
@@ -167,8 +169,8 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
     """
     for k in range(TUNING.flat_rounds):
         wide = tolerance * (1.5 if k < TUNING.flat_rounds // 2 else 1.0)
-        off = (points.at[rows] * normal).sum(axis=1) - offset
-        on = (np.abs(off) < wide) & (np.abs((points.normal[rows] * normal).sum(axis=1)) > TUNING.plane_cosine)
+        off = dot(points.at[rows], normal) - offset
+        on = (np.abs(off) < wide) & (np.abs(dot(points.normal[rows], normal)) > TUNING.plane_cosine)
         if k < TUNING.flat_rounds // 2:
             on[on] = _one_piece(points, rows[on], normal, tolerance)
         if on.sum() < 30:
@@ -212,7 +214,7 @@ def _pieces(points: F64, normal: F64, tolerance: float) -> Callable[[F64], Int]:
 def _lean(points: Points, normal: F64, offset: float, rows: Int) -> float:
     """By about how many radians a plane may lean: how far its points lie off it, to how far along it they reach."""
     at, weight = points.at[rows], points.weight[rows] / points.weight[rows].sum()
-    off = (at * normal).sum(axis=1) - offset
+    off = dot(at, normal) - offset
     along = turned_to(at, _axes(normal))
     along = along - (along * weight[:, None]).sum(axis=0)
     spread = [[float((along[:, i] * along[:, j] * weight).sum()) for j in range(2)] for i in range(2)]
@@ -225,7 +227,7 @@ def _turned_upright(
     """A plane turned to another normal; as it is where that leaves too many of its points off it."""
     if np.array_equal(normal, plane[0]):
         return plane
-    along, weight = (points.at[rows] * normal).sum(axis=1), points.weight[rows]
+    along, weight = dot(points.at[rows], normal), points.weight[rows]
     offset = float((along * weight).sum() / weight.sum())
     for _ in range(TUNING.flat_rounds):
         own = weight * np.clip(1 - ((along - offset) / (1.5 * tolerance)) ** 2, 0, 1) ** 2
@@ -236,7 +238,7 @@ def _turned_upright(
 
 def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> Int:
     """Of the points on a plane those in parts of it that have little beside them: others are slices of a heap."""
-    near = np.abs((points.at * normal).sum(axis=1) - offset) < TUNING.plane_beside * tolerance
+    near = np.abs(dot(points.at, normal) - offset) < TUNING.plane_beside * tolerance
     piece = _pieces(points.at[rows], normal, tolerance)
     own, beside = piece(points.at[rows]), piece(points.at[near])
     held, all_ = np.bincount(own, points.weight[rows]), np.bincount(beside, points.weight[near])
@@ -254,7 +256,7 @@ def turned_outwards(points: Points, rows: Int, normal: F64) -> float:
     axes = _axes(normal)
     weight = points.weight[rows] / points.weight[rows].sum()
     place, turn = turned_to(points.at[rows], axes), turned_to(points.normal[rows], axes)
-    turn = turn * np.sign((points.normal[rows] * normal).sum(axis=1))[:, None]
+    turn = turn * np.sign(dot(points.normal[rows], normal))[:, None]
     place = place - (place * weight[:, None]).sum(axis=0)
     turn = turn - (turn * weight[:, None]).sum(axis=0)
     spread = np.array([[(place[:, i] * place[:, j] * weight).sum() for j in range(2)] for i in range(2)])
@@ -308,7 +310,7 @@ def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64,
         pixel = pixel[rows]
         _, directions = rays(view.camera)
         ray = directions.reshape(-1, 3)[pixel]
-        aslant = np.abs((ray * flat.normal).sum(axis=1)) / np.linalg.norm(ray, axis=1)
+        aslant = np.abs(dot(ray, flat.normal)) / length(ray)
         trust = view.trust.ravel()[pixel]
         off = (view.depth.ravel()[pixel] + own[rows, 2]) * aslant
         near = tolerance + 0.5 * view.spread.ravel()[pixel] * aslant
@@ -354,7 +356,7 @@ def on_flats(soup: Soup, flats: Sequence[Flat], reach: float) -> Soup:
     nearest = np.full(len(vertices), reach)
     for flat in flats:
         off = flat.off(soup.vertices)
-        on = (np.abs(off) < nearest) & (np.abs((normals * flat.normal).sum(axis=1)) > 0.7)
+        on = (np.abs(off) < nearest) & (np.abs(dot(normals, flat.normal)) > 0.7)
         on &= flat.inside(soup.vertices)
         vertices[on] = soup.vertices[on] - off[on, None] * flat.normal
         nearest[on] = np.abs(off[on])

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.progress import ShareProgress
+from mirelight.base.together import each
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
-from mirelight.proxy.views import rays, turned
+from mirelight.proxy.views import dot, length, rays, turned
 
 MOST_NODES = 160_000_000  # of the grid: more would take too much memory
 _CHUNK = 1 << 18  # nodes at once
@@ -57,11 +58,14 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgr
     for done, view in enumerate(clean):
         progress("fusing depth maps", done / len(clean))
         planes = _Planes.of(view)
-        for start in range(0, len(nodes), _CHUNK):
+
+        def add(start: int, planes: _Planes = planes) -> None:
             part = slice(start, start + _CHUNK)
             d, w = planes.distances(at[part], TUNING.fused_truncation * cell)
             total[part] += d * w
             weight[part] += w
+
+        each(add, range(0, len(nodes), _CHUNK))
     known = weight > 0
     return Grid(low, cell, shape, nodes[known], total[known] / weight[known])
 
@@ -92,9 +96,9 @@ class _Planes:
     def of(view: DepthMap) -> _Planes:
         origins, directions = rays(view.camera)
         spot = origins + directions * view.depth[..., None]
-        long = np.maximum(np.linalg.norm(directions, axis=-1), 1e-30)
-        facing = np.clip(-(view.normal * directions).sum(axis=-1) / long, TUNING.fused_facing, 1) * view.trust
-        offset = (view.normal * spot).sum(axis=-1)
+        long = np.maximum(length(directions), 1e-30)
+        facing = np.clip(-dot(view.normal, directions) / long, TUNING.fused_facing, 1) * view.trust
+        offset = dot(view.normal, spot)
         rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
         return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))
 
@@ -111,7 +115,7 @@ class _Planes:
         row = self.rows[np.where(seen, y * camera.width + x, 0).astype(np.int64)]
         seen &= row[:, 0] > 0
         ahead = row[:, 0] - z  # positive before the surface
-        plane = (at * row[:, 1:4]).sum(axis=1) - row[:, 4]
+        plane = dot(at, row[:, 1:4]) - row[:, 4]
         distance = np.where(ahead > 2 * far, far, np.clip(plane, -far, far))
         # A node far behind is hidden; one little behind counts less the deeper: a thin part's far side stays whole.
         hidden = (ahead < -2 * far) | (plane <= -far)
@@ -122,15 +126,15 @@ class _Planes:
 
 def _one_sided(views: Sequence[DepthMap], cell: float, middle: F64, inside: bool) -> list[DepthMap]:
     """The maps without pixels that see the far side of a sheet thinner than `cell`."""
-    found = [points_of(view) for view in views]
+    found = each(points_of, views)
     points, normals = np.concatenate([p for p, _, _ in found]), np.concatenate([n for _, n, _ in found])
     if not len(points):
         return list(views)
-    side = ((points - middle) * normals).sum(axis=1) < 0  # facing it
+    side = dot(points - middle, normals) < 0  # facing it
     kept = inside | ~_mostly(_voxel(points / (TUNING.sheet_around * cell)), ~side)
-    drop = np.zeros(len(points), bool)
-    for offset in (0.0, 0.5):  # both sides of a sheet may fall into two voxels of one grid, not of both
-        drop |= _both_sides(_voxel(points / cell + offset), side, normals) & (side != kept)
+    # both sides of a sheet may fall into two voxels of one grid, not of both
+    torn = each(lambda offset: _both_sides(_voxel(points / cell + offset), side, normals), (0.0, 0.5))
+    drop = (torn[0] | torn[1]) & (side != kept)
     out, start = [], 0
     for view, (own, _, _) in zip(views, found, strict=True):
         depth = view.depth.copy()
@@ -157,7 +161,7 @@ def _both_sides(voxel: Int, side: NDArray[np.bool_], normals: F64) -> NDArray[np
         for k in range(3):
             sums[way, :, k] = np.bincount(index[of], normals[of, k], minlength=len(key))
     length = np.linalg.norm(sums, axis=2)
-    cosine = (sums[0] * sums[1]).sum(axis=1) / np.maximum(length[0] * length[1], 1e-30)
+    cosine = dot(sums[0], sums[1]) / np.maximum(length[0] * length[1], 1e-30)
     few = np.minimum(length[0], length[1]) < TUNING.fused_few * np.maximum(length[0], length[1])
     return np.asarray(((cosine < TUNING.fused_opposite) & ~few)[index])
 

@@ -10,12 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
-from mirelight.proxy.views import rays
+from mirelight.proxy.views import dot, length, rays
 
 
 def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
@@ -25,13 +26,15 @@ def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
     a surface in a wrong place shuts out more wrong light than none. What hangs before a plane is no sky: even walls are
     as hard to place.
     """
-    deep = 0
-    for view in views:
+
+    def hanging(view: DepthMap) -> int:
         hangs = (view.depth > 0) & (view.trust < TUNING.sky_trust)
         if hangs.any():
             _, directions = rays(view.camera)
             hangs &= ~np.any([_depth(view, flat, directions) > 0 for flat in flats], axis=0)
-        deep += int(hangs.sum())
+        return int(hangs.sum())
+
+    deep = sum(each(hanging, views))
     return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
 
 
@@ -48,7 +51,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: floa
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid
         depth[on] = depths[k][on]
-        side = -np.sign((directions[on] * flat.normal).sum(axis=-1))
+        side = -np.sign(dot(directions[on], flat.normal))
         normal[on] = side[:, None] * flat.normal
         trust[on] = 1
     return replace(view, depth=np.where(trust < fog, np.float32(0), depth), normal=normal, trust=trust)
@@ -57,9 +60,9 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: floa
 def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
     """(H, W) depth of a plane where it has cells, else 0."""
     origins, _ = rays(view.camera)
-    facing = (directions * flat.normal).sum(axis=-1)
-    seen = np.abs(facing) > TUNING.label_facing * np.linalg.norm(directions, axis=-1)
-    facing, start = np.where(seen, facing, 1), (origins * flat.normal).sum(axis=-1)
+    facing = dot(directions, flat.normal)
+    seen = np.abs(facing) > TUNING.label_facing * length(directions)
+    facing, start = np.where(seen, facing, 1), dot(origins, flat.normal)
     depth = np.where(seen, (flat.offset - start) / facing, 0)
     for _ in range(0 if flat.lift is None else TUNING.label_rounds):
         lift = flat.lifted(origins + directions * depth[..., None])
@@ -75,9 +78,9 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
     reach = np.float32(2 * tolerance) + view.spread
     costs = []
     for flat, depth in zip(flats, depths, strict=True):
-        aslant = np.abs((directions * flat.normal).sum(axis=-1)).astype(np.float32)
+        aslant = np.abs(dot(directions, flat.normal)).astype(np.float32)
         off = np.abs(depth - view.depth) * aslant
-        aside = 1 - np.abs((view.normal * flat.normal.astype(np.float32)).sum(axis=-1))
+        aside = 1 - np.abs(dot(view.normal, flat.normal.astype(np.float32)))
         turned = aside / np.float32(TUNING.label_turned)
         cost = np.minimum((off / reach) ** 2, 1) + np.float32(0.6) * np.minimum(turned, 1)
         unsure = np.float32(0.15) + np.float32(0.5) * np.minimum(cost, 1)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, part, quiet
+from mirelight.base.together import each
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
@@ -93,7 +95,7 @@ def make(
         if not there:
             views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
         report("smoothing depth maps", 0.4)
-        views = [slanted(view, capture.spacing) for view in views]
+        views = each(partial(slanted, noise=capture.spacing), views)
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.4, 0.55), guessed=not cameras)
         found = _fused(capture, views, part(report, 0.55, 0.75))
@@ -155,12 +157,13 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> _F
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
     if windows:
-        views = [opened(view, windows, capture.spacing, TUNING.opening_away * capture.radius) for view in views]
+        away = TUNING.opening_away * capture.radius
+        views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
     fog = fog_of(views, flats)
     if fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing)
-    views = [flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog) for view in views]
+    views = each(lambda view: flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog), views)
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8))
     report("finding the surface", 0.8)
@@ -187,12 +190,13 @@ def _detailed(
     report("looking closer", 0.0)
     margin = TUNING.detail_margin * capture.spacing
     maps = DepthMaps(replace(capture, spacing=core.spacing), settings)
-    views = [core.alone(slanted(maps.of(camera), core.spacing), margin) for camera in core.cameras]
+    shown = [maps.of(camera) for camera in core.cameras]
+    views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown)
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
     flats = [*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more]
-    views = [flattened(view, flats, tolerance, found.fog) for view in views]
+    views = each(lambda view: flattened(view, flats, tolerance, found.fog), views)
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     return with_core(found.soup, _surface(grid, flats), core, TUNING.cell * capture.spacing)
 

@@ -14,13 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap, pixels_of
 from mirelight.proxy.flats import Flat, turned_to
 from mirelight.proxy.planes import Sheet
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Soup
-from mirelight.proxy.views import rays, turned
+from mirelight.proxy.views import dot, length, rays, turned
 
 Bool = NDArray[np.bool_]
 
@@ -63,7 +64,7 @@ class Window:
     def opened(self, view: DepthMap, spacing: float) -> Bool:
         """(H, W) pixels that are seen through the window, or show its bars."""
         origins, directions = rays(view.camera)
-        slack = TUNING.opening_before * spacing * np.linalg.norm(directions, axis=-1)
+        slack = TUNING.opening_before * spacing * length(directions)
         wall, _ = _met(self.wall, origins, directions)
         face, facing = _met(self.face, origins, directions)
         hidden = (view.depth > 0) & (view.depth < wall - slack / np.maximum(facing, 0.1))
@@ -78,7 +79,8 @@ def windows_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float)
         flats: the planes that they show.
         spacing: of the splats, world units.
     """
-    found = (_window(flat, panes, views, spacing) for flat in flats for panes in _panes(flat, views, spacing))
+    panes = each(lambda flat: _panes(flat, views, spacing), flats)
+    found = (_window(flat, x, views, spacing) for flat, of in zip(flats, panes, strict=True) for x in of)
     return [window for window in found if window is not None]
 
 
@@ -136,12 +138,14 @@ def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) 
     low = np.floor((place.min(axis=0) - margin) / cell).astype(np.int64)
     size = np.ceil((place.max(axis=0) + margin) / cell).astype(np.int64) - low
     inner = replace(wall, there=panes)
-    found = []
-    for deep in np.arange(-TUNING.opening_depth, TUNING.opening_deepest, TUNING.opening_depth):
+
+    def looked(deep: float) -> tuple[float, float, Flat, _Shown]:
         face = Flat(wall.normal, wall.offset - front * deep * spacing, wall.axes, cell, low, np.ones(tuple(size), bool))
         shown = _shown(face, wall, views, spacing)
         here = inner.inside(face.middles).reshape(shown.seen.shape) & (shown.seen >= TUNING.opening_seen)
-        found.append((float(shown.spread[here].mean()) if here.any() else np.inf, deep, face, shown))
+        return (float(shown.spread[here].mean()) if here.any() else np.inf, deep, face, shown)
+
+    found = each(looked, np.arange(-TUNING.opening_depth, TUNING.opening_deepest, TUNING.opening_depth))
     _, deep, face, shown = min(found, key=lambda x: x[:2])
     if deep < TUNING.window_bars:
         return None
@@ -217,16 +221,16 @@ def _looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDA
     origins, directions = rays(view.camera)
     ray = directions.reshape(-1, 3)[pixel]
     start = np.broadcast_to(origins, directions.shape).reshape(-1, 3)[pixel]
-    slope = (ray * flat.normal).sum(axis=1)
-    side = np.where((start * flat.normal).sum(axis=1) > flat.offset, 1.0, -1.0)
+    slope = dot(ray, flat.normal)
+    side = np.where(dot(start, flat.normal) > flat.offset, 1.0, -1.0)
     surface = start + ray * view.depth.ravel()[pixel][:, None]
-    off = -side * ((surface * flat.normal).sum(axis=1) - flat.offset) / spacing
+    off = -side * (dot(surface, flat.normal) - flat.offset) / spacing
     return rows, pixel, np.where(np.abs(slope) > 0, off, 0.0)
 
 
 def _met(flat: Flat, origins: F64, directions: F64) -> tuple[F64, F64]:
     """(H, W) depths at which rays meet a plane, and the cosines between both."""
-    slope = (directions * flat.normal).sum(axis=-1)
+    slope = dot(directions, flat.normal)
     safe = np.where(np.abs(slope) > 1e-9, slope, 1e-9)
-    depth = (flat.offset - (origins * flat.normal).sum(axis=-1)) / safe
-    return depth, np.abs(slope) / np.linalg.norm(directions, axis=-1)
+    depth = (flat.offset - dot(origins, flat.normal)) / safe
+    return depth, np.abs(slope) / length(directions)

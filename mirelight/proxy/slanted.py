@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.views import rays
+from mirelight.proxy.views import dot, rays
 
 Bool = NDArray[np.bool_]
 
@@ -88,9 +88,9 @@ def _plane_of(view: DepthMap) -> F32:
     camera, turn = view.camera, view.camera.world_from_camera[:3, :3]
     _, directions = rays(camera)
     normal = view.normal.astype(np.float64)
-    facing = np.minimum((normal * directions).sum(axis=-1), -0.1)
+    facing = np.minimum(dot(normal, directions), -0.1)
     depth = np.maximum(view.depth.astype(np.float64), 1e-12)
-    across = (normal * turn[:, 0]).sum(axis=-1) / camera.fx, -(normal * turn[:, 1]).sum(axis=-1) / camera.fy
+    across = dot(normal, turn[:, 0]) / camera.fx, -dot(normal, turn[:, 1]) / camera.fy
     parts = [x / (depth * facing) for x in across]
     return np.stack([*parts, 1 / depth], axis=-1).astype(np.float32)
 
@@ -101,7 +101,7 @@ def _with_planes(view: DepthMap, plane: F32, found: Bool) -> DepthMap:
     _, directions = rays(camera)
     slope: F64 = plane.astype(np.float64)
     away = slope[..., :1] * camera.fx * turn[:, 0] - slope[..., 1:2] * camera.fy * turn[:, 1]
-    rest = slope[..., 2] - (away * directions).sum(axis=-1)
+    rest = slope[..., 2] - dot(away, directions)
     away = away - rest[..., None] * turn[:, 2]
     normal = -away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-30)
     there = found & (view.alpha > TUNING.depth_opaque)

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 
 from mirelight.base import backend
 from mirelight.base.progress import ShareProgress
+from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.labels import fog_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, ProxySettings
-from mirelight.proxy.views import rays, turned
+from mirelight.proxy.views import dot, length, rays, turned
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.correlation import Correlation
@@ -90,7 +91,7 @@ class Pixels:
             normal.append(view.normal[grid].reshape(-1, 3))
         facing = -self.ray / np.linalg.norm(self.ray, axis=1, keepdims=True)
         normals = np.concatenate(normal)
-        flat = np.linalg.norm(normals, axis=1) < 0.5
+        flat = length(normals) < 0.5
         normals[flat] = facing[flat]
         return Planes(np.concatenate(depth).astype(np.float32), normals.astype(np.float32))
 
@@ -107,8 +108,8 @@ class Pixels:
                 planes.normal[part].reshape(rows, columns, 3)[at],
                 planes.depth[part].reshape(rows, columns)[at],
             )
-            facing = np.minimum((other * ray).sum(axis=-1), np.float32(-0.1))
-            met = (other * ray[at]).sum(axis=-1) * away / facing
+            facing = np.minimum(dot(other, ray), np.float32(-0.1))
+            met = dot(other, ray[at]) * away / facing
             near = (met > 0.5 * away) & (met < 2 * away)
             depth[part] = np.where(near, met, away).ravel()
             normal[part] = other.reshape(-1, 3)
@@ -118,7 +119,7 @@ class Pixels:
         """With normals turned by about so many radians."""
         other = planes.normal + np.float32(by) * chance.standard_normal(planes.normal.shape, np.float32)
         other /= np.linalg.norm(other, axis=1, keepdims=True)
-        away = (other * self.ray).sum(axis=1) > -0.1
+        away = dot(other, self.ray) > -0.1
         other[away] = planes.normal[away]
         return Planes(planes.depth, other)
 
@@ -164,7 +165,7 @@ def agreed(
     # of a room, what is in doubt counts as before: see `fog_of`
     doubt = TUNING.stereo_doubt if fog_of(views) else 1.0
     merged = _Merged(pixels, planes, found, through & ~found & (not guessed), spacing, doubt)
-    return [merged.view(k, white[k]) for k in range(len(views))]
+    return each(lambda k: merged.view(k, white[k]), range(len(views)))
 
 
 def _shown(view: DepthMap, white: Bool) -> F32:
@@ -174,8 +175,9 @@ def _shown(view: DepthMap, white: Bool) -> F32:
 
 def neighbours(views: Sequence[DepthMap]) -> list[list[int]]:
     """Of each view the others that show most of what it shows, from another side."""
-    out = []
-    for k, view in enumerate(views):
+
+    def beside(k: int) -> list[int]:
+        view = views[k]
         there = view.depth > 0
         origins, directions = rays(view.camera)
         every = max(int(there.sum()) // TUNING.stereo_points, 1)
@@ -184,15 +186,16 @@ def neighbours(views: Sequence[DepthMap]) -> list[list[int]]:
         ]
         shown = np.array([0.0 if j == k else _common(view, other, points) for j, other in enumerate(views)])
         order = np.argsort(-shown, kind="stable")[: TUNING.stereo_beside]
-        out.append([int(j) for j in order if shown[j] > TUNING.stereo_common * len(points)])
-    return out
+        return [int(j) for j in order if shown[j] > TUNING.stereo_common * len(points)]
+
+    return each(beside, range(len(views)))
 
 
 def _common(view: DepthMap, other: DepthMap, points: F64) -> float:
     """How many of a view's points another shows as large, and from where depth is told."""
     away = [x.camera.position - points for x in (view, other)]
-    far = [np.maximum(np.linalg.norm(x, axis=1), 1e-12) for x in away]
-    angle = np.degrees(np.arccos(np.clip((away[0] * away[1]).sum(axis=1) / (far[0] * far[1]), -1, 1)))
+    far = [np.maximum(length(x), 1e-12) for x in away]
+    angle = np.degrees(np.arccos(np.clip(dot(away[0], away[1]) / (far[0] * far[1]), -1, 1)))
     told = np.minimum(angle / TUNING.stereo_angles[0], 1) * np.clip(2 - angle / TUNING.stereo_angles[1], 0, 1)
     large = np.clip(far[0] / view.camera.fx * other.camera.fx / far[1], 0, 1)
     depth, at, seen = _onto(other, points, 1)
@@ -250,7 +253,7 @@ def _agreement(pixels: Pixels, planes: Planes, alike: F32, near: Sequence[Sequen
         for j in others:
             depth, at, seen = _onto(pixels.views[j], spot[part], TUNING.stereo_step)
             at = at + pixels.start[j]
-            off = np.abs(((spot[part] - spot[at]) * planes.normal[at]).sum(axis=1))
+            off = np.abs(dot(spot[part] - spot[at], planes.normal[at]))
             side, ahead = depth * pixels.side[at], planes.depth[at] - depth
             hidden = TUNING.stereo_behind * side
             agree[part] += seen & (off < TUNING.stereo_apart * side) & (np.abs(ahead) < hidden)
@@ -278,8 +281,8 @@ class _Merged:
             self._whole(k, self.planes.depth),
         )
         _, directions = rays(view.camera)
-        facing = np.minimum((normal * directions).sum(axis=-1), -1e-3)
-        depth = (normal * self._whole(k, self.pixels.ray)).sum(axis=-1) * middle / facing
+        facing = np.minimum(dot(normal, directions), -1e-3)
+        depth = dot(normal, self._whole(k, self.pixels.ray)) * middle / facing
         depth = np.where((depth > 0.8 * middle) & (depth < 1.25 * middle), depth, middle)
         there = view.depth > 0
         moved = _moves(

@@ -124,7 +124,7 @@ def from_points(points: F64, pixels: int, near: float) -> tuple[Camera, ...]:
     )
 
 
-@lru_cache(maxsize=4)  # by identity: steps ask for those of one view again and again
+@lru_cache(maxsize=16)  # by identity: steps ask for those of one view again and again, some of them at once
 def rays(camera: Camera) -> tuple[F64, F64]:
     """Origins and directions (H, W, 3), as :meth:`Camera.rays`; not to be written to."""
     origins, directions = camera.rays()
@@ -135,6 +135,16 @@ def rays(camera: Camera) -> tuple[F64, F64]:
 def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:
     """Rows (..., 3) multiplied by a matrix (3, 3), without BLAS, whose bits depend on its threads."""
     return np.asarray(np.einsum("...j,ij->...i", rows, matrix))
+
+
+def dot(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """(...,) dot products of vectors (..., 3): numpy's sums along an axis of three are slow."""
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
+
+
+def length(vectors: NDArray[Any]) -> NDArray[Any]:
+    """(...,) of vectors (..., 3)."""
+    return np.asarray(np.sqrt(dot(vectors, vectors)))
 
 
 def placed(camera: Camera, m: F64) -> Camera:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from mirelight.base.errors import InputError, OutputError
 from mirelight.cli import options, outputs, say
 from mirelight.cli.command import Command
-from mirelight.io.suffixes import SPLATS, USD
+from mirelight.io.suffixes import GLTF, SPLATS, USD
 
 if TYPE_CHECKING:
     from mirelight.io.job.overrides import Override
@@ -23,11 +23,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", metavar="LIGHT", default="", help="sun, point, or a file: .hdr, .exr, .glb, .gltf")
     parser.add_argument(
         "--object",
-        metavar="FILE",
+        metavar="FILE[#NODE]",
         action="append",
         default=[],
         dest="objects",
-        help="a mesh to put into it; may be given several times",
+        help="a mesh to put into it, or one node of a glTF file; may be given several times",
     )
     options.add_json(parser)
 
@@ -36,12 +36,11 @@ def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.apps.first_job import Wish, job_for
     from mirelight.io.atomic import write_file
-    from mirelight.io.safety import existing
 
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
-    objects = tuple(existing(x) for x in args.objects)
+    objects = tuple(_object(x) for x in args.objects)
     found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects, estimated=True))
     write_file(out, found.text)
     notes = (found.up, *found.notes, found.as_captured)
@@ -60,6 +59,7 @@ COMMAND = Command(
         "new capture.ply",
         "new capture.sog -o evening.toml --light sun",
         "new capture.ply --object chair.glb",
+        "new capture.ply --object kit.glb#lamp",
     ),
     arguments=_arguments,
     call=run_new,
@@ -101,6 +101,14 @@ def first_job(path: str, light: str, overrides: list[Override], note: Callable[[
     for line in found.notes:
         note(line)
     return job.load_text(found.text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)
+
+
+def _object(text: str) -> tuple[Path, str | None]:
+    """A file, and the node of it that is meant."""
+    from mirelight.io.safety import existing
+
+    file, _, node = text.rpartition("#")
+    return (existing(file), node) if node and file.lower().endswith(GLTF) else (existing(text), None)
 
 
 def _capture(name: str) -> Path:

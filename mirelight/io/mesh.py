@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirelight.base import colour
-from mirelight.base.errors import InputError
-from mirelight.io.gltf.scene import read_scene
+from mirelight.base.errors import InputError, printable
+from mirelight.io.gltf.scene import read_node, read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.mesh_counts import check_counts
 from mirelight.io.obj import obj_companions, read_obj
@@ -31,7 +31,7 @@ _SPLAT_MARKS = (b"f_dc_0", b"packed_position")
 Attributes = Mapping[str, Any]
 
 
-def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False) -> ProxyMesh:
+def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False, node: str | None = None) -> ProxyMesh:
     """A proxy mesh, its vertices neither merged nor reordered.
 
     The `albedo` is left at its gray default; the file's colours are in `materials` and `vertex_colors`. Vertex colours
@@ -42,12 +42,14 @@ def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False) 
         path: .glb, .gltf, .usd, .usda, .usdc, .usdz, .ply, .obj or .stl.
         textures: read textures too. Without, no image is opened.
         finish: read those of metallic and roughness, too, where the format has them (glTF).
+        node: of a glTF file this node alone, and what hangs on it, its origin at the world's.
 
     Raises:
-        InputError: missing, damaged, without triangles or area, or with vertices that are NaN or beyond all bounds.
+        InputError: missing, damaged, without that node, without triangles or area, or with vertices that are NaN or
+            beyond all bounds.
     """
     path = existing(path)
-    mesh = _read(path, textures, finish)
+    mesh = _read(path, textures, finish) if node is None else _read_node(path, node, textures, finish)
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > _FARTHEST:
         raise InputError(path, f"corners as far as {farthest:.3g} units from the origin", "give it in metres")
@@ -75,6 +77,16 @@ def _read(path: Path, textures: bool, finish: bool) -> ProxyMesh:
     if suffix == ".obj":
         return read_obj(path, textures)
     return _read_with_trimesh(path, suffix, textures)
+
+
+def _read_node(path: Path, node: str, textures: bool, finish: bool) -> ProxyMesh:
+    if path.suffix.lower() not in GLTF:
+        found = f"a node, {printable(node)!r}, of a file that is no glTF"
+        raise InputError(path, found, "leave it out, or give a .glb or .gltf", field="node")
+    mesh = read_node(path, node, textures=textures, finish=finish)
+    if mesh is None:
+        raise InputError(path, f"no triangles at the node {printable(node)!r}", "name one with a mesh", field="node")
+    return mesh
 
 
 def companions(path: Path) -> tuple[Path, ...]:

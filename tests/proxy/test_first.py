@@ -162,7 +162,7 @@ def test_objects_stand_before_the_camera_in_the_captures_own_light(tmp_path: Pat
     write_glb(tmp_path / "large.glb", square)
     capture = SCENES / "stage" / "splats.compressed.ply"
     shutil.copy(capture, tmp_path / "capture.compressed.ply")
-    wish = Wish(objects=(tmp_path / "large.glb", tmp_path / "large.glb"))
+    wish = Wish(objects=((tmp_path / "large.glb", None), (tmp_path / "large.glb", None)))
     work = job.load_text(job_for(tmp_path / "capture.compressed.ply", tmp_path, wish).text, tmp_path / "job.toml")
     assert [x.name for x in work.objects] == ["large", "large 2"] and all(x.drop for x in work.objects)
     assert work.captured is not None and [x.name for x in work.lightings] == ["captured"]
@@ -189,12 +189,18 @@ def test_a_set_of_things_has_the_size_of_its_largest(tmp_path: Path) -> None:
     assert [(x.name, x.size) for x in file.things] == [("seat", 70), ("mug", 20)]
     assert file.said.startswith("set.glb holds 2 things, 3.2e+02 units across: seat (70), mug (20); ")
     shutil.copy(SCENES / "stage" / "splats.compressed.ply", tmp_path / "capture.compressed.ply")
-    found = job_for(tmp_path / "capture.compressed.ply", tmp_path, Wish(objects=(tmp_path / "set.glb",)))
+    found = job_for(tmp_path / "capture.compressed.ply", tmp_path, Wish(objects=((tmp_path / "set.glb", None),)))
     assert file.said in found.notes and f"# {file.said}." in found.text
     work = job.load_text(found.text, tmp_path / "job.toml")
     seat = work.objects[0].mesh.value.vertices[:8]
     (camera,) = work.cameras
     assert 0.05 < np.ptp(seat, axis=0).max() / np.linalg.norm(camera.position) < 0.3
+    assert file.said.endswith("; --object set.glb#seat takes that alone")
+    text = job_for(tmp_path / "capture.compressed.ply", tmp_path, Wish(objects=((tmp_path / "set.glb", "mug"),))).text
+    (mug,) = job.load_text(text, tmp_path / "job.toml").objects
+    assert mug.name == "mug" and len(mug.mesh.value.faces) == 4
+    away = np.linalg.inv(camera.world_from_camera) @ np.append(np.mean(mug.mesh.value.bounds, axis=0), 1)
+    assert away[2] < 0 and abs(away[0] / away[2]) < 0.4
 
 
 def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Path) -> None:

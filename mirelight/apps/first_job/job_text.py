@@ -32,7 +32,8 @@ class Wish:
     light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
     resolution: tuple[int, int] = (960, 540)
     up: tuple[float, float, float] | None = None  # in the splats' own axes; None: it is looked for
-    objects: tuple[Path, ...] = ()  # meshes that are put into the capture; without a light they are lit by its own
+    # meshes that are put into the capture, or one node of each; without a light they are lit by its own
+    objects: tuple[tuple[Path, str | None], ...] = ()
     estimated: bool = False  # its own light is, where its cameras are known; else an even one is assumed
 
     @property
@@ -83,7 +84,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     m = np.eye(4)
     m[:3, :3] = turn
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
-    meshes = [objects.MeshFile.read(x) for x in wish.objects]
+    meshes = [objects.MeshFile.read(*x) for x in wish.objects]
     proxy, misfit = beside.proxy(capture, cloud, turn)
     looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
     outside = cameras is not None and beside.around(cameras, cloud)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from mirelight.apps.first_job import view
 from mirelight.apps.first_job.toml_text import Names, position
 from mirelight.base.errors import printable
 from mirelight.io import mesh
+from mirelight.io.gltf.scene import name_groups
+from mirelight.io.suffixes import GLTF
 from mirelight.model import F64, I32, ProxyMesh, shown
 
 _SHOWS = (0.02, 0.5)  # of how far away it is: the size of an object that is kept as its file has it
@@ -27,7 +30,8 @@ _JOINED = 0.01  # of a file's size: parts that are so near each other are one th
 class _Thing:
     """Parts of a file that touch each other, by their boxes."""
 
-    name: str  # of its largest part
+    name: str  # of its largest part, or of what all of them hang on
+    parts: frozenset[str]  # names of them
     low: F64  # (3,)
     high: F64  # (3,)
 
@@ -43,7 +47,8 @@ class _Thing:
     def joined(self, other: _Thing) -> _Thing:
         """Both as one."""
         name = max(self, other, key=lambda x: x.size).name
-        return _Thing(name, np.minimum(self.low, other.low), np.maximum(self.high, other.high))
+        low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        return _Thing(name, self.parts | other.parts, low, high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +56,13 @@ class MeshFile:
     """A mesh that is put into a capture."""
 
     path: Path
+    node: str | None  # that is put there alone; None: all
     things: tuple[_Thing, ...]  # that it holds, the largest first; its whole box is theirs
 
     @staticmethod
-    def read(path: Path) -> MeshFile:
-        """Raises InputError where it is no mesh."""
-        found = mesh.read_mesh(path)
+    def read(path: Path, node: str | None = None) -> MeshFile:
+        """Raises InputError where it is no mesh, or has no such node."""
+        found = mesh.read_mesh(path, node=node)
         owners = np.zeros(len(found.faces), np.int32) if found.face_nodes is None else found.face_nodes
         parts = (_part(found, name, found.faces[owners == i]) for i, name in enumerate(found.nodes) if i in owners)
         gap = _JOINED * float(np.ptp(found.bounds, axis=0).max())
@@ -66,7 +72,10 @@ class MeshFile:
                 things = [x for x in things if x not in near]
                 thing = reduce(_Thing.joined, near, thing)
             things.append(thing)
-        return MeshFile(path, tuple(sorted(things, key=lambda x: -x.size)))
+        if path.suffix.lower() in GLTF:
+            named = zip(things, name_groups(path, [x.parts for x in things]), strict=True)
+            things = [x if name is None else replace(x, name=name) for x, name in named]
+        return MeshFile(path, node, tuple(sorted(things, key=lambda x: -x.size)))
 
     @property
     def whole(self) -> _Thing:
@@ -79,13 +88,16 @@ class MeshFile:
         if len(self.things) == 1:
             return ""
         each = shown.names([f"{x.name} ({x.size:.2g})" for x in self.things])
-        held = f"{self.path.name} holds {len(self.things)} things, {self.whole.size:.2g} units across: {each}"
-        return printable(f"{held}; they stay as they stand to each other, in the size of {self.things[0].name}")
+        of = self.path.name if self.node is None else f"{self.node} of {self.path.name}"
+        held = f"{of} holds {len(self.things)} things, {self.whole.size:.2g} units across: {each}"
+        first = self.things[0].name
+        alone = f"; --object {self.path.name}#{first} takes that alone" if self.path.suffix.lower() in GLTF else ""
+        return printable(f"{held}; they stay as they stand to each other, in the size of {first}{alone}")
 
 
 def _part(of: ProxyMesh, name: str, faces: I32) -> _Thing:
     corners = of.vertices[np.unique(faces)].astype(np.float64)
-    return _Thing(name, corners.min(axis=0), corners.max(axis=0))
+    return _Thing(name, frozenset([name]), corners.min(axis=0), corners.max(axis=0))
 
 
 def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> Iterator[str]:
@@ -108,6 +120,8 @@ def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> It
             yield f"# {file.said}."
         yield "[[objects]]"
         yield f"path = {named(file.path)}"
+        if file.node is not None:
+            yield f"node = {json.dumps(file.node, ensure_ascii=False)}"
         yield "drop = true"
         scaled = "" if scale == 1 else f", scale = {scale:g}"
         yield f"transform = {{ translation = {position(place, seen)}, rotation_euler = [0, 0, 0]{scaled} }}"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base import conventions
+from mirelight.base.errors import printable
 from mirelight.io.gltf.accessors import accessor_count, read_accessor
 from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.fields import Fields
@@ -89,6 +91,35 @@ def place_nodes(document: Document) -> dict[int, Node]:
         children = fields.integers("children")
         pending += [(child, index, fields, f"children[{i}]") for i, child in reversed(list(enumerate(children)))]
     return placed
+
+
+def called(document: Document, node: Node) -> str:
+    """What people call a node: by its own name, else by its mesh's, else where it stands in the file."""
+    fields = node.fields
+    mesh = document.entry("meshes", fields.integer("mesh"), fields, "mesh").text("name", "") if "mesh" in fields else ""
+    return printable(node.name) or printable(mesh) or fields.where
+
+
+def moved_to_origin(nodes: Mapping[int, Node], top: Node) -> dict[int, Node]:
+    """All nodes, moved so that one has its origin at the world's; it keeps the turn and the size that it has there.
+
+    A mesh with a skin stands where its joints stand, whatever its own node says (glTF §3.7.3.3): the origin is that of
+    what it hangs on.
+    """
+    there = np.eye(4)
+    origin = top if "skin" not in top.fields else None if top.parent is None else nodes[top.parent]
+    if origin is not None:
+        there[:3, 3] = -origin.world[:3, 3]
+    return {i: replace(x, world=there @ x.world) for i, x in nodes.items()}
+
+
+def below(nodes: Mapping[int, Node], top: Node) -> frozenset[int]:
+    """A node, and all that hang on it."""
+    found = {top.index}
+    for node in nodes.values():  # parents before children
+        if node.parent in found:
+            found.add(node.index)
+    return frozenset(found)
 
 
 def instance_worlds(document: Document, node: Node) -> Matrix:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
-from mirelight.base.errors import printable
+from mirelight.base.errors import InputError, printable
 from mirelight.io.gltf import blender
 from mirelight.io.gltf.animation import animated_nodes
 from mirelight.io.gltf.cameras import GltfCamera, read_node_cameras
 from mirelight.io.gltf.deform import joint_matrices, morphed, vertex_matrices
 from mirelight.io.gltf.document import Document, read_document
-from mirelight.io.gltf.fields import Fields
 from mirelight.io.gltf.geometry import Piece, check_size, read_mesh_pieces, triangle_primitives
 from mirelight.io.gltf.lights import read_node_lights
 from mirelight.io.gltf.materials import TexturedMaterial, read_materials
-from mirelight.io.gltf.nodes import Matrix, Node, instance_worlds, place_nodes
+from mirelight.io.gltf.nodes import Matrix, Node, below, called, instance_worlds, moved_to_origin, place_nodes
 from mirelight.io.surface import filled_normals, flat_shaded, transformed_normals
 from mirelight.model import F32, I32, Light, Material, ProxyMesh
+from mirelight.model.shown import names
 
 _BATCH = 1 << 20  # vertices that are placed at once
 
@@ -64,12 +66,75 @@ def read_scene(path: str | Path, *, textures: bool = True, finish: bool = False)
     moving = animated_nodes(document, nodes)
     return GltfScene(
         path=document.path,
-        mesh=_read_proxy(document, nodes, textures, finish),
+        mesh=_read_proxy(document, nodes, nodes.keys(), textures, finish),
         lights=read_node_lights(document, nodes.values()),
         cameras=cameras,
         animated_cameras=tuple(x.name for x in cameras if x.node in moving),
         blender=blender.exporter(document),
     )
+
+
+def read_node(path: str | Path, name: str, *, textures: bool = True, finish: bool = False) -> ProxyMesh | None:
+    """One node of a file, and all that hang on it, as a mesh: as turned and as large as in the file, with the node's
+    own origin at the world's. None where there are no triangles.
+
+    Args:
+        path: the file.
+        name: the node's, or its mesh's where it has none; of several the first in the file's hierarchy.
+        textures: as for :func:`read_scene`.
+        finish: as for :func:`read_scene`.
+
+    Raises:
+        InputError: as there; there is no such node.
+    """
+    document = read_document(path)
+    nodes = place_nodes(document)
+    top = next((x for x in nodes.values() if called(document, x) == name), None)
+    if top is None:
+        there = _with_triangles(document, nodes)
+        near = get_close_matches(name, there, n=3)
+        remedy = f"give one of {names([*near, *(x for x in there if x not in near)])}" if there else "leave it out"
+        raise InputError(document.path, f"no node named {printable(name)!r}", remedy, field="node")
+    return _read_proxy(document, moved_to_origin(nodes, top), below(nodes, top), textures, finish)
+
+
+def _with_triangles(document: Document, nodes: dict[int, Node]) -> list[str]:
+    """Names of the nodes that have a mesh, or on which one hangs that has; parents before children."""
+    carry = {x.index for x in nodes.values() if "mesh" in x.fields}
+    for node in reversed(nodes.values()):
+        if node.index in carry and node.parent is not None:
+            carry.add(node.parent)
+    return list(dict.fromkeys(called(document, x) for x in nodes.values() if x.index in carry))
+
+
+def name_groups(path: str | Path, groups: Sequence[Collection[str]]) -> list[str | None]:
+    """For groups of a file's nodes that have meshes, by their names: the name of the node on which all of a group hang
+    and nothing else, the nearest such; None where there is none.
+
+    Raises:
+        InputError: as :func:`read_scene`.
+    """
+    document = read_document(path)
+    nodes = place_nodes(document)
+    group_of = {name: k for k, group in enumerate(groups) for name in group}
+    counts = [0] * len(groups)
+    held: dict[int, tuple[int, int]] = {}  # by node: the one group that it holds, -1 for several; and how many of it
+    found: list[str | None] = [None] * len(groups)
+    every = list(reversed(nodes.values()))
+    for node in every:
+        if "mesh" in node.fields and (group := group_of.get(called(document, node))) is not None:
+            counts[group] += 1
+            held[node.index] = group, 1
+    for node in every:  # children before parents
+        if node.index not in held:
+            continue
+        group, count = held[node.index]
+        if group >= 0 and found[group] is None and count == counts[group]:
+            found[group] = called(document, node)
+        if node.parent is not None:
+            other, more = held.get(node.parent, (group, 0))
+            held[node.parent] = (group, count + more) if other == group else (-1, 0)
+    return found
 
 
 def read_lights(path: str | Path) -> tuple[Light, ...]:
@@ -90,11 +155,13 @@ def read_cameras(path: str | Path) -> tuple[GltfCamera, ...]:
     return read_node_cameras(document, place_nodes(document).values())
 
 
-def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool, finish: bool) -> ProxyMesh | None:
+def _read_proxy(
+    document: Document, nodes: dict[int, Node], wanted: Collection[int], textures: bool, finish: bool
+) -> ProxyMesh | None:
     carriers = [
         (node, document.entry("meshes", node.fields.integer("mesh"), node.fields, "mesh"))
         for node in nodes.values()
-        if "mesh" in node.fields
+        if "mesh" in node.fields and node.index in wanted
     ]
     worlds = [instance_worlds(document, node) for node, _ in carriers]
     check_size(document, [(mesh, len(w)) for (_, mesh), w in zip(carriers, worlds, strict=True)])
@@ -108,7 +175,7 @@ def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool, fini
         if mesh.where not in cache:
             cache[mesh.where] = read_mesh_pieces(document, mesh, surfaces)
         joints = joint_matrices(document, nodes, node)
-        owners += [_name(node, mesh)] * len(cache[mesh.where])
+        owners += [called(document, node)] * len(cache[mesh.where])
         for piece in cache[mesh.where]:
             shape = morphed(piece, mesh, node)
             if joints is not None:
@@ -116,11 +183,6 @@ def _read_proxy(document: Document, nodes: dict[int, Node], textures: bool, fini
             else:
                 placed.append(_moved(shape, poses[0]) if len(poses) == 1 else _instanced(shape, poses))
     return _merged(placed, owners, surfaces) if placed else None
-
-
-def _name(node: Node, mesh: Fields) -> str:
-    """What people call an object: its node's name, else its mesh's, else where it stands in the file."""
-    return printable(node.name) or printable(mesh.text("name", "")) or node.fields.where
 
 
 def _moved(piece: Piece, world: Matrix) -> Piece:

@@ -47,14 +47,15 @@ def of_table(table: ObjectTable, path: Path, sha256: str) -> Inserted:
     motion = None if table.keys is None else _motion(table.keys, m)
     base = None if table.base_color is None else tuple(table.base_color)
     look = _Look(base, table.metallic, table.roughness)
-    known = digest("object", sha256, m, look)
+    known = digest("object", sha256, m, look, *([] if table.node is None else [table.node]))
+    name = table.name or table.node or path.stem
     return Inserted(
-        name=table.name or path.stem,
-        mesh=Deferred(known, partial(_mesh, path, m, look)),
+        name=name,
+        mesh=Deferred(known, partial(_mesh, path, table.node, m, look)),
         drop=table.drop,
         scatter=None if table.scatter is None else _scatter(table.scatter),
         source=str(path),
-        category=table.category or table.name or path.stem,
+        category=table.category or name,
         world_from_object=m,
         motion=motion,
     )
@@ -84,9 +85,9 @@ def named_apart(objects: Sequence[Inserted]) -> tuple[Inserted, ...]:
     return tuple(replace(one, name=names.take(one.name)) for one in objects)
 
 
-def _mesh(path: Path, m: Matrix, look: _Look) -> ProxyMesh:
+def _mesh(path: Path, node: str | None, m: Matrix, look: _Look) -> ProxyMesh:
     from mirelight.io import mesh
 
-    found = mesh.transform(mesh.read_mesh(path, finish=True), m)
+    found = mesh.transform(mesh.read_mesh(path, finish=True, node=node), m)
     colors = found.vertex_colors if look.base_color is None else None
     return replace(found, albedo=None, vertex_colors=colors, materials=tuple(look.of(x) for x in found.materials))

@@ -13,6 +13,7 @@ from mirelight.io.job.fields import (
     AssetPath,
     ColorOrGray,
     Degrees,
+    LightName,
     Matrix,
     MeshPath,
     Name,
@@ -209,7 +210,12 @@ class ObjectTable(Table):
     """An object that is put into the capture: lit by it, mirroring it, and casting its shadows on it."""
 
     path: AssetPath = Field(description="Mesh file: .glb, .gltf, .ply, .obj or .stl.")
-    name: Name | None = Field(default=None, description="What messages call it. Default: the file's name.")
+    node: LightName | None = Field(
+        default=None,
+        description="One node of a glTF file, with what hangs on it, in place of all: as turned and as large as there, "
+        "with its own origin at the world's. Default: the whole file.",
+    )
+    name: Name | None = Field(default=None, description="What messages call it. Default: the node's or file's name.")
     category: Name | None = Field(default=None, description="What kind of thing it is in data sets. Default: its name.")
     transform: Transform = Field(default=Transform(), description="Places it in the world.")
     drop: bool | Literal["tilt"] = Field(

@@ -232,7 +232,8 @@ def _set(data: dict[str, Any], field: str, value: Any, name: str) -> Mistake | N
 
 def _called(table: dict[str, Any]) -> str | None:
     """What a light, or an object, is known by."""
-    return table.get("name") or table.get("type") or (Path(table["path"]).stem if "path" in table else None)
+    named = table.get("name") or table.get("node") or table.get("type")
+    return named or (Path(table["path"]).stem if "path" in table else None)
 
 
 def _refused(error: ValidationError, name: str, axes: int) -> Mistake:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,11 @@ from hypothesis import strategies as st
 
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
-from mirelight.io.gltf.scene import read_scene
+from mirelight.io.gltf.scene import name_groups, read_node, read_scene
+from mirelight.io.mesh import read_mesh
 from mirelight.model import ProxyMesh
+
+from .conftest import TRIANGLE
 
 GRID = np.array([[x, y, 0] for y in range(3) for x in range(4)], dtype=np.float32)
 CELLS = [(0, 1, 4), (1, 5, 4), (1, 2, 5), (2, 6, 5), (4, 5, 8), (5, 9, 8)]
@@ -296,3 +300,62 @@ def test_triangles_keep_their_outside_under_any_transform(
     assert np.all(np.einsum("ij,ij->i", facing, (a + b + c) / 3 - (1, 2, 3)) > 0)
     assert mesh.normals is not None
     assert np.all(np.einsum("ij,ij->i", facing, mesh.normals[mesh.faces[:, 0]]) > 0)
+
+
+def kit(glb: Any) -> Path:
+    """A table with a foot, a lamp, and something without a mesh, on one root that is turned and moved."""
+    mesh = glb.mesh(glb.primitive(), name="triangle")
+    foot = glb.node(root=False, name="foot", mesh=mesh, translation=[0, -1, 0])
+    table = glb.node(root=False, name="table", children=[foot], mesh=mesh, translation=[1, 2, 3], scale=[2, 2, 2])
+    lamp = glb.node(root=False, mesh=glb.mesh(glb.primitive(), name="lamp"), translation=[-4, 0, 0])
+    bare = glb.node(root=False, name="eye")
+    quarter = [0, float(np.sqrt(0.5)), 0, float(np.sqrt(0.5))]  # x goes to -z
+    glb.node(name="kit", children=[table, lamp, bare], translation=[10, 0, 0], rotation=quarter)
+    path = glb.save()
+    assert isinstance(path, Path)
+    return path
+
+
+def test_a_node_alone_has_its_origin_at_the_worlds(glb: Any) -> None:
+    """With what hangs on it, as turned and as large as in the file."""
+    path = kit(glb)
+    whole, table, lamp = read_mesh(path), read_mesh(path, node="table"), read_mesh(path, node="lamp")
+    assert whole.nodes == ("table", "foot", "lamp") and table.nodes == ("table", "foot") and lamp.nodes == ("lamp",)
+    np.testing.assert_allclose(table.vertices[:3], [[0, 0, 0], [0, 0, -2], [0, 2, 0]], atol=1e-6)
+    np.testing.assert_allclose(table.vertices[3:], table.vertices[:3] - [0, 2, 0], atol=1e-6)
+    np.testing.assert_allclose(whole.vertices[:6] - [13, 2, -1], table.vertices, atol=1e-5)
+    np.testing.assert_allclose(whole.vertices[6:] - whole.vertices[6], lamp.vertices, atol=1e-5)
+    assert read_node(path, "eye") is None
+
+
+def test_a_node_that_is_not_there_is_a_line_with_those_that_are(glb: Any, tmp_path: Path) -> None:
+    path = kit(glb)
+    for name, says in (
+        ("tabel", "node: no node named 'tabel'; give one of table, kit, foot, lamp$"),
+        ("eye", "node: no triangles at the node 'eye'; name one with a mesh$"),
+    ):
+        with pytest.raises(InputError, match=says):
+            read_mesh(path, node=name)
+    trimesh.creation.box().export(tmp_path / "box.stl")
+    with pytest.raises(InputError, match="node: a node, 'lamp', of a file that is no glTF"):
+        read_mesh(tmp_path / "box.stl", node="lamp")
+
+
+def test_groups_of_nodes_are_called_by_what_they_hang_on(glb: Any) -> None:
+    path = kit(glb)
+    assert name_groups(path, [{"lamp"}, {"foot", "table"}]) == ["lamp", "table"]
+    assert name_groups(path, [{"lamp", "foot"}, {"table"}]) == [None, None]
+    assert name_groups(path, [{"lamp", "foot", "table"}]) == ["kit"]
+
+
+def test_a_skin_alone_stands_as_its_joints_stand_to_what_it_hangs_on(glb: Any) -> None:
+    bone = glb.node(root=False, translation=[0, 1, 0])
+    shares = {"JOINTS_0": np.zeros((3, 4), np.uint8), "WEIGHTS_0": np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1))}
+    mesh = glb.mesh(glb.primitive(attributes={k: glb.accessor(x) for k, x in shares.items()}))
+    body = glb.node(
+        root=False, name="body", mesh=mesh, skin=glb.put("skins", {"joints": [bone]}), translation=[9, 9, 9]
+    )
+    glb.node(name="rig", children=[bone, body], translation=[5, 0, 0])
+    path = glb.save()
+    for name in ("rig", "body"):
+        np.testing.assert_allclose(read_mesh(path, node=name).vertices, TRIANGLE + np.array([0, 1, 0]), atol=1e-6)

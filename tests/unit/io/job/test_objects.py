@@ -60,6 +60,21 @@ def test_an_object_is_read_with_its_place_and_finish(write_job: WriteJob, thing:
     assert "thing.glb" in job.inputs
 
 
+def test_an_object_is_one_node_of_a_file(write_job: WriteJob, thing: Path) -> None:
+    """Which light on it depends on, and its name."""
+    mesh = jobs.load(write_job(HEAD + OBJECT)).objects[0].mesh
+    node = OBJECT.replace("drop = true", 'node = "proxy"\ndrop = true')
+    job = loaded(write_job, HEAD + node)
+    (one,) = job.objects
+    assert one.name == one.category == "proxy" and one.mesh.digest != mesh.digest
+    np.testing.assert_array_equal(one.mesh.value.vertices, mesh.value.vertices)
+    with pytest.raises(InputError, match="node: no node named 'chair'; give one of proxy"):
+        _ = loaded(write_job, HEAD + node.replace('"proxy"', '"chair"')).objects[0].mesh.value
+    sweep = '\n[sweep]\naxes = [{ field = "objects.proxy.node", values = ["proxy", "chair"] }]\n'
+    swept = loaded(write_job, HEAD + node + sweep).lightings
+    assert [x.name for x in swept] == ["captured-node-proxy", "captured-node-chair"]
+
+
 def test_captured_lightings_are_the_captured_light(write_job: WriteJob) -> None:
     job = loaded(write_job, HEAD)
     (one,) = job.lightings

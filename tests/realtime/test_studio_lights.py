@@ -13,6 +13,7 @@ from mirelight.apps.studio import early, opened
 from mirelight.apps.studio.lights import Layer
 from mirelight.apps.studio.session import Session
 from mirelight.apps.studio.worker import Ordered
+from mirelight.estimate import Confidence, Estimate
 from mirelight.io import splats
 from mirelight.io.gltf.write import write_glb
 from mirelight.model import ProxyMesh, triangles
@@ -27,6 +28,32 @@ captured = { environment = { radiance = 1 } }
 lights = [{ type = "sun", elevation = 40, azimuth = 200, intensity = 3, angular_diameter = 4 }]
 environment = { radiance = 0.4 }
 """
+
+
+def even(radiance: float) -> Estimate:
+    """An estimate that is sure of light from all around."""
+    trust = Confidence(
+        places=500,
+        blocked=0.4,
+        scale_known=True,
+        sun_gain=0.0,
+        sun_apart=float("nan"),
+        sun_beaten=float("nan"),
+        sun_disc=(0.0, 0.0),
+        halves_apart=0.01,
+        held_out=0.5,
+        lamps_gain=(),
+        albedo=(0.1, 0.3, 0.7),
+    )
+    return Estimate(
+        to_sun=np.array([0.0, 1, 0]),
+        sun=np.zeros(3),
+        sun_diameter=0.53,
+        named=(),
+        lamps=np.zeros((0, 6)),
+        radiance=np.full((48, 96, 3), radiance),
+        confidence=trust,
+    )
 
 
 def shown(layers: tuple[Layer, ...]) -> NDArray[np.float64]:
@@ -61,6 +88,41 @@ def test_early_light_comes_first_and_is_near_fine_light(tmp_path: Path, monkeypa
     assert np.abs(a.mean() / b.mean() - 1) < 0.08  # the proxy is grey at first
     assert np.quantile(np.abs(a - b) / b.mean(), 0.9) < 0.2
     assert first.level == pytest.approx(last.level, rel=0.1)
+    session.run(lambda: True)
+
+
+def test_an_estimate_is_shown_as_a_lighting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once another process has found it: splats look as they were captured, by early and by fine light."""
+    cloud, proxy = walls(40)
+    splats.write(cloud, tmp_path / "corner.ply")
+    write_glb(tmp_path / "proxy.glb", proxy, (), ())
+    text = JOB[: JOB.index("captured")] + 'captured = "estimate"\nlightings = ["captured"]\n'
+    (tmp_path / "job.toml").write_text(text)
+    (tmp_path / "page").mkdir()
+    monkeypatch.setattr(early, "FEW", 600)
+    monkeypatch.setattr("mirelight.estimate.estimate", None)  # not called here
+    session = Session(opened(tmp_path / "job.toml", None), tmp_path / "page")
+    session._phase = "ready"
+    monkeypatch.setattr(session, "_help", lambda order, line: None)
+    assert not session._step()
+    waits = session.state()
+    assert not waits.layers and not waits.trouble and waits.around[0] == 0
+    monkeypatch.setattr("mirelight.estimate.estimate", lambda *_: even(2.0))
+    scene = prepare(session._job, session._store.artefacts)
+    assert scene.job.captured is not None
+    scene.resolved(scene.job.captured)
+    monkeypatch.setattr("mirelight.estimate.estimate", None)
+    while session._step():
+        pass
+    first = session.state()
+    assert first.layers[0].samples == early.SAMPLES and first.around[0] == 1 and not first.trouble
+    early.make(scene)
+    while session._step() and session.state().layers[0].samples < 64:
+        pass
+    last = session.state()
+    assert last.layers[0].samples > early.SAMPLES and not last.trouble
+    for found in (first, last):
+        assert np.median(shown(found.layers)) == pytest.approx(1, abs=0.02)
     session.run(lambda: True)
 
 

@@ -108,18 +108,22 @@ def test_an_edit_is_taken_or_refused_in_a_line(asker: Asker) -> None:
 
 
 def test_captured_light_beside_others_has_lights_of_its_own(asker: Asker) -> None:
-    """What is estimated has none that could be shown."""
+    """What is estimated, or another lighting's, has none: it stays a name, and is saved as one."""
     known = "{ environment = { radiance = 2 } }"
     text = """splats = "corner.ply"
 proxy = "splats"
 lightings = ["captured", { name = "dim", environment = { radiance = 0.1 } }]
 captured = """
     (asker.folder / "beside.toml").write_text(text + known)
-    (asker.folder / "estimated.toml").write_text(f'{text}"estimate"')
     both = opened(str(asker.folder / "beside.toml"), None).data["lightings"]
     assert [(x["name"], x["environment"]["radiance"]) for x in both] == [("captured", 2), ("dim", 0.1)]
-    with pytest.raises(InputError, match="the light of the capture, which is estimated; take it out"):
-        opened(str(asker.folder / "estimated.toml"), None)
+    for said in ('"estimate"', "{ estimate = true, exposure = 1 }", '"dim"'):
+        (asker.folder / "estimated.toml").write_text(text + said)
+        document = opened(str(asker.folder / "estimated.toml"), None)
+        assert [sorted(x) for x in document.data["lightings"]] == [["name"], ["environment", "name"]]
+        job = document.job(document.text({}))
+        assert job.captured is not None and [x.name for x in job.lightings] == ["captured", "dim"]
+        assert job.lightings[0].sky == job.captured.sky
 
 
 def test_up_is_turned_by_hand(asker: Asker) -> None:

@@ -14,7 +14,7 @@ from mirelight.apps.first_job import Wish, job_for
 from mirelight.base.errors import InputError, ManyInputsError
 from mirelight.io import job as jobs
 from mirelight.io.atomic import write_file
-from mirelight.io.job.fields import lightings_as_tables
+from mirelight.io.job.fields import LIT, is_captured, lightings_as_tables
 from mirelight.io.job.limits import load_toml
 from mirelight.io.job.placing import matrix
 from mirelight.io.job.scene_tables import Transform
@@ -42,7 +42,6 @@ UPS = {
     for axis in "XYZ"
     for sign, factor in (("+", 1.0), ("-", -1.0))
 }
-_LIT = ("lights", "lights_from", "environment")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,23 +158,23 @@ def _of_job(path: Path, target: Path) -> Document:
     return Document(target, _named(data, work), (), False)
 
 
-def _with_captured(data: dict[str, Any], job: Job) -> dict[str, Any]:
-    """The data with the captured light, where it is among the lightings, as a lighting that has lights of its own."""
+def _with_captured(data: dict[str, Any]) -> dict[str, Any]:
+    """The data with the captured light, where it is among the lightings, as a lighting that has lights of its own; one
+    that is estimated, or another lighting's, has none that could be edited, and stays a name."""
     lightings, captured = lightings_as_tables(data.get("lightings")), data.get("captured")
-    if lightings is None or not any(table.keys() == {"name"} for table in lightings):
+    if not isinstance(lightings, list):
         return data
-    if not isinstance(captured, dict) or not any(key in captured for key in _LIT) or captured.get("estimate"):
-        found = "the light of the capture, which is estimated"
-        raise InputError(job.source, found, "take it out, and name lightings of your own", field="lightings")
-    return {**data, "lightings": [{**captured, **x} if x.keys() == {"name"} else x for x in lightings]}
+    if not isinstance(captured, dict) or not any(key in captured for key in LIT) or captured.get("estimate"):
+        return {**data, "lightings": lightings}
+    return {**data, "lightings": [{**captured, **x} if is_captured(x) else x for x in lightings]}
 
 
 def _named(data: dict[str, Any], job: Job) -> dict[str, Any]:
     """The data with its lights in `lightings`, each with the name and the place that it has in the job."""
-    data = _with_captured(data, job)
+    data = _with_captured(data)
     if not isinstance(data.get("lightings"), list):
-        own = {key: data[key] for key in _LIT if key in data}
-        data = {key: value for key, value in data.items() if key not in _LIT}
+        own = {key: data[key] for key in LIT if key in data}
+        data = {key: value for key, value in data.items() if key not in LIT}
         if own:
             data["lightings"] = [{"name": job.lightings[0].name, **own}]
         elif not job.lightings:

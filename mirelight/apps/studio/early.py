@@ -15,7 +15,7 @@ from mirelight.apps.mixer.first_light import STAGES, StagedLight
 from mirelight.base import colour, conventions
 from mirelight.base.progress import ShareProgress
 from mirelight.lighting.splat_light import Places, places_of
-from mirelight.model import F32, I32, Deferred, EstimatedSky, Job, ProxyMesh, SplatCloud
+from mirelight.model import F32, I32, Deferred, EstimatedSky, Job, Lighting, ProxyMesh, SplatCloud
 from mirelight.model.unit_lights import Unit
 from mirelight.pipeline import requirements
 from mirelight.pipeline.codecs import ARRAY
@@ -75,14 +75,19 @@ class EarlyLight:
     def __init__(self, scene: Scene, few: Few, progress: ShareProgress, mesh: ProxyMesh | None = None) -> None:
         found = scene.mesh if mesh is None else mesh
         assert found is not None
-        self._few, self._mesh = few, Deferred.of(_coarse(found))
+        self._few, self._mesh, self._whole = few, Deferred.of(_coarse(found)), scene
         self.scene = prepare(self._thin(scene))
         self.splats: SplatLight = _FewPlaces(self.scene, SAMPLES, progress)
 
     def follow(self, scene: Scene) -> None:
         """Take another job's lights, whose proxy and splats' places are the same."""
+        self._whole = scene
         self.scene = prepare(self._thin(scene), like=self.scene)
         self.splats = self.splats.of_scene(self.scene)
+
+    def known(self, lighting: Lighting) -> Lighting:
+        """A lighting as these few can be lit by it: they tell of no light themselves."""
+        return self._whole.resolved(lighting) if isinstance(lighting.sky, EstimatedSky) else lighting
 
     def lights(self, units: tuple[Unit, ...], stage: int) -> Iterator[F32]:
         """(few, 3) irradiance / pi of each unit light; there is one stage."""
@@ -118,6 +123,10 @@ class FineLight(StagedLight):
 
     def __init__(self, scene: Scene, progress: ShareProgress) -> None:
         super().__init__(scene, STAGES, progress)
+
+    def known(self, lighting: Lighting) -> Lighting:
+        """The lighting as it is."""
+        return lighting
 
     def lights(self, units: tuple[Unit, ...], stage: int) -> Iterator[F32]:
         """(N, 3) irradiance / pi of each unit light, as a stage has it."""

@@ -85,7 +85,7 @@ class Lights:
 
     def wanted(self, lighting: Lighting) -> Iterator[tuple[int, tuple[Unit, ...]]]:
         """What is to be traced for a lighting and the captured light: unit lights, and the stage that they wait for."""
-        lightings = [x for x in (lighting, requirements.compared(self._scene.job)) if x is not None]
+        lightings = [x for x in (self._source.known(lighting), requirements.compared(self._scene.job)) if x is not None]
         self._used = {x.unit.digest for one in lightings for x in terms(one)}
         for one in lightings:
             stages = {x.unit: self._stage(x.unit) + 1 for x in terms(one)}
@@ -115,7 +115,7 @@ class Lights:
             self.level = None if old is None else self._source.level(old)
             self._layering = key, layering(self._scene, self._source.splats, old, self.level)
         made = self._layering[1]
-        found = list(terms(lighting))
+        found = list(terms(self._source.known(lighting)))
         constant = self._constant(made, key)
         if len(found) + len(constant) > MOST_LAYERS - 1:  # one is the misfit's
             raise InputError(

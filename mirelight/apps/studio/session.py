@@ -24,7 +24,7 @@ from mirelight.apps.studio.renders import Renders
 from mirelight.apps.studio.things import SetDown, Things
 from mirelight.apps.studio.worker import Ordered
 from mirelight.base.errors import InputError, MirelightError
-from mirelight.model import Camera, Job, digest
+from mirelight.model import Camera, EstimatedSky, Job, digest
 from mirelight.pipeline import requirements
 from mirelight.pipeline.scene import Scene, prepare
 from mirelight.relighting.modes import mode_of
@@ -334,7 +334,8 @@ class Session:
         lighting = next((x for x in job.lightings if x.name == shown), job.lightings[0])
         taken = job is not self._at or (number, lighting.name) != (self._layered, self._layered_name)
         lights = self._take(job)
-        self._around.look(self._scene, lighting, number)
+        if early.knows_captured(self._scene) or not isinstance(lighting.sky, EstimatedSky):
+            self._around.look(self._scene, lighting, number)
         line = self._objects.set_down(job.objects, self._scene.mesh, number)
         if line:
             with self._news:

@@ -7,6 +7,7 @@ was found, and what to do.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
@@ -163,6 +164,14 @@ GltfPath: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), After
 def path_as_table(value: Any) -> Any:
     """The short form: a string stands for a table with that path."""
     return {"path": value} if isinstance(value, str) else value
+
+
+LIT = ("lights", "lights_from", "environment")  # what a lighting's light is said by
+
+
+def is_captured(table: Mapping[str, Any]) -> bool:
+    """Whether a lighting, by its values, is the captured light: it has that name, and no light of its own."""
+    return table.get("name") == CAPTURED and not any(table.get(key) for key in LIT)
 
 
 def lightings_as_tables(value: Any) -> Any:

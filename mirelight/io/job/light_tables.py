@@ -8,12 +8,14 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mirelight.io.job.fields import (
     CAPTURED,
+    LIT,
     GltfPath,
     Name,
     NotNegative,
     Number,
     Positive,
     Table,
+    is_captured,
     lightings_as_tables,
     one_way,
     paths_as_tables,
@@ -93,7 +95,7 @@ class LightingTable(Lit):
     @property
     def is_captured(self) -> bool:
         """True where it is the captured light, in which nothing but inserted objects changes the picture."""
-        return self.name == CAPTURED and not _has_light(self)
+        return is_captured(vars(self))
 
 
 Lightings: TypeAlias = Annotated[
@@ -139,7 +141,7 @@ class CapturedTable(Lit):
 
 
 def _has_light(table: Lit) -> bool:
-    return bool(table.lights or table.lights_from or table.environment)
+    return any(getattr(table, key) for key in LIT)
 
 
 def _lit(table: Lit) -> None:

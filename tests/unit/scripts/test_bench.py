@@ -31,3 +31,10 @@ def test_relative_errors_are_those_of_lit_pixels() -> None:
 def test_cells_are_shown_short() -> None:
     shown = common.table("T", ["a", "b", "c"], [("x", 1 / 3, [0.5, 2.0])])
     assert shown.rows == (("x", "0.3333", "0.5 to 2"),)
+
+
+def test_pictures_are_averaged_over_blocks() -> None:
+    picture = np.random.default_rng(0).random((7, 9, 3))
+    found = common.averaged(picture, 3, 2)
+    assert found.shape == (2, 4, 3)
+    np.testing.assert_allclose(found[1, 2], picture[3:6, 4:6].mean(axis=(0, 1)))

@@ -70,6 +70,9 @@ const around = (lighting) => (lighting?.environment ? { intensity: table(lightin
 
 export const table = (value) => (typeof value === 'string' ? { path: value } : value ?? null);
 
+// Whether a lighting is the light that the capture was made under, which is found and not edited.
+export const isCaptured = (lighting) => lighting.name === 'captured' && !lighting.lights?.length && !lighting.lights_from && !lighting.environment;
+
 export const shownColor = (light) => picker(normal(light.kelvin ? blackBody(light.kelvin) : light.color ?? [1, 1, 1]));
 
 const normal = (rgb) => { const top = Math.max(...rgb, 1e-9); return rgb.map((x) => x / top); };

@@ -4,7 +4,7 @@ import { createHandles } from './handles.mjs';
 import { LIGHTS } from './lights.mjs';
 import { createNewest, send } from './live.mjs';
 import { createMesh } from './mesh.mjs';
-import { aimOf, between, createModel, freeName, fromSky, length, newLight, placed, placeInSky, plus, ratio, rounded, table, toSky, turn, turned } from './model.mjs';
+import { aimOf, between, createModel, freeName, fromSky, isCaptured, length, newLight, placed, placeInSky, plus, ratio, rounded, table, toSky, turn, turned } from './model.mjs';
 import { createQueue } from './queue.mjs';
 import { aroundRow, lightRow, make } from './rows.mjs';
 import { createObjects } from './things.mjs';
@@ -104,7 +104,7 @@ function start(view, studio) {
         if (state.estimate && !adopted) found(state.estimate);
         await objects.heard(state.objects);
         await layers();
-        if (state.shown === lighting().name) await ball.load(state.around[0] && table(lighting().environment) ? `live/around/${state.around[0]}` : '');
+        if (state.shown === lighting().name) await ball.load(state.around[0] && (table(lighting().environment) || isCaptured(lighting())) ? `live/around/${state.around[0]}` : '');
         balls();
         paint();
         if (still) showFrame();
@@ -152,7 +152,7 @@ function start(view, studio) {
     // --- edits ---
 
     let signature = '';  // of the rows, which stay while it does
-    const signed = () => JSON.stringify([chosen, objects.signature, (lighting().lights ?? []).map((x) => [x.name, x.type])]);
+    const signed = () => JSON.stringify([chosen, lighting().name, objects.signature, (lighting().lights ?? []).map((x) => [x.name, x.type])]);
     // rows and handles are not taken away from under a pointer that is about to click on them or drags them
     let pressed = false;
     const pending = new Map();
@@ -260,6 +260,8 @@ function start(view, studio) {
             list.children[i].setAttribute('aria-pressed', i === chosen);
         });
         if (document.activeElement !== find('lighting-name')) find('lighting-name').value = lighting().name;
+        find('lighting-name').disabled = isCaptured(lighting());
+        for (const button of find('add').children) button.disabled = isCaptured(lighting());
         find('less').disabled = names.length < 2;
     }
     function rows() {
@@ -270,7 +272,10 @@ function start(view, studio) {
         })));
         const theirs = (lightings[chosen]?.lights ?? []).filter((x) => !lights.some((y) => y.name === x));
         if (lighting().lights_from && theirs.length) find('lights').append(make('p', { textContent: `From a file: ${theirs.join(', ')}` }));
-        aroundRows();
+        if (isCaptured(lighting())) {
+            find('lights').append(make('p', { textContent: 'The light that the capture was made under: it is found, and has no lights to edit.' }));
+            find('around').replaceChildren();
+        } else aroundRows();
         find('things').replaceChildren(...objects.rows());
         showHandles();
     }
@@ -359,6 +364,7 @@ function start(view, studio) {
         const like = JSON.parse(JSON.stringify(lighting()));
         chosen = model.job.lightings.length;
         asCaptured = false;
+        if (isCaptured(like)) like.environment = { radiance: [1, 1, 1], intensity: rounded(level, 3) };  // even, as bright
         model.change('another lighting', (job) => { job.lightings.push({ ...like, name }); });
         find('lighting-name').focus();
         find('lighting-name').select();
@@ -592,6 +598,7 @@ function start(view, studio) {
         return input;
     };
     const panorama = async (chosenFile) => {
+        if (isCaptured(lighting())) return say('The captured light is found, and not edited: show another lighting');
         const name = await put(`live/upload/${encodeURIComponent(chosenFile.name)}`, chosenFile);
         if (!name) return;
         again();

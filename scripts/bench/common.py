@@ -90,6 +90,13 @@ def side_by_side(path: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
     Image.fromarray(np.rint(255 * np.concatenate(pictures, axis=1)).astype(np.uint8)).save(path)
 
 
+def averaged(picture: NDArray[np.floating], rows: int, columns: int) -> NDArray[np.floating]:
+    """Means (H // rows, W // columns, 3) over blocks of a picture (H, W, 3); what is left over counts for none."""
+    h, w = picture.shape[0] // rows, picture.shape[1] // columns
+    blocks = picture[: h * rows, : w * columns].reshape(h, rows, w, columns, 3)
+    return np.asarray(blocks.mean(axis=(1, 3)))
+
+
 def relative(mean: Array) -> Array:
     """(H, W, 3) of weights for squared errors, so that their sum is the mean of d² / (mean² + 0.01 level²) over lit
     pixels."""

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from bench.common import Table, table
+from bench.common import Table, averaged, table
 from mirelight import prepare
 from mirelight.apps import bake as baking
 from mirelight.base import colour
@@ -55,9 +55,7 @@ def truth(scene: str, name: str, size: tuple[int, int]) -> F64:
     """(H, W, 3) the shipped picture, linear, averaged down to a divisor of its size."""
     with Image.open(ROOT / "scenes" / scene / "truth" / f"front.{name}.png") as image:
         linear = colour.srgb_decode(np.asarray(image.convert("RGB"), np.float64) / 255)
-    height, width = size
-    blocks = linear.reshape(height, linear.shape[0] // height, width, linear.shape[1] // width, 3)
-    return np.asarray(blocks.mean(axis=(1, 3)), np.float64)
+    return np.asarray(averaged(linear, linear.shape[0] // size[0], linear.shape[1] // size[1]), np.float64)
 
 
 def made(job: Job, like: Scene | None = None) -> tuple[Frame, Scene]:

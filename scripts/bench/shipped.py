@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scenegen.truth import Truth
 from trained_scene import recipe
 
-from bench.common import Table, path, side_by_side, table
+from bench.common import Table, averaged, path, side_by_side, table
 from bench.modes import CAPTURED, decibels, opened, shown, truth
 from mirelight.io import job as jobs
 from mirelight.model import Job
@@ -99,8 +99,7 @@ def known(
 def both(frame: Picture, true: Picture) -> str:
     """Decibels of a linear picture (H, W, 3), and of means over 4x4 pixels, as PNGs hold them."""
     pictures = [np.clip(x, 0, 1) for x in (frame, true)]
-    h, w, _ = true.shape
-    means = [x[: h // 4 * 4, : w // 4 * 4].reshape(h // 4, 4, w // 4, 4, 3).mean(axis=(1, 3)) for x in pictures]
+    means = [averaged(x, 4, 4) for x in pictures]
     every, coarse = (decibels(*map(shown, pair)) for pair in (pictures, means))
     return f"{every:.1f} ({coarse:.1f})"
 

@@ -25,6 +25,8 @@ from mirelight.model.profiles import BRIGHTEST
 MOST_SPLATS = 1 << 18  # evenly taken where there are more: 2^16 leave halos half a metre wide around a yard's doors
 SPP = (4, 4, 16)  # samples a splat in each round of light by colours and colours by light: many splats share a vertex,
 # the first two rounds bring all but 3 %, and with 16 in each frames come no closer to the truth
+_LIT = 0.5  # share of the places that the first samples find light at: of fewer, later rounds have more samples
+_MOST_TIMES = 8  # as many, where light comes in through small openings
 _SAMPLED = 1 << 17  # splats that are sampled so often; where there are more, each has less, half of it at the least
 FLOOR = 0.01  # of the mean irradiance: where there was no light, no colour can be found
 DARKEST = 0.01
@@ -146,12 +148,14 @@ def _colors(
         told[mesh.faces[deposits.face, k][deposits.weight * deposits.corners[:, k] > 0]] = True
     filling = Filling.of(mesh, way, told, shape.spacing)
     colors = np.asarray(mesh.vertex_colors)
-    lit = True
+    lit, times = True, 1
     for done, samples in enumerate(SPP):
-        spp = samples * _SAMPLED // max(len(deposits.face), _SAMPLED)
+        spp = times * (samples * _SAMPLED // max(len(deposits.face), _SAMPLED))
         light = irradiance_at(deposits, mesh, tracer, captured, spp)
         lit = bool(light.any())
-        found = _albedo(shape, deposits, light, filling)
+        if not done and lit:
+            times = int(np.clip(_LIT / light.any(axis=1).mean(), 1, _MOST_TIMES))
+        found = _albedo(shape, deposits, light, filling, noisy=times > 1)
         # lighter surfaces send each other more, and so come out darker next time: halfway, the turns settle
         colors = np.sqrt(found * colors) if done else found
         tracer.recolor(colors)
@@ -193,21 +197,27 @@ def face_normals(mesh: ProxyMesh) -> F64:
 
 
 def irradiance_at(deposits: Deposits, mesh: ProxyMesh, tracer: Tracer, captured: Lighting, spp: int) -> F64:
-    """(N, 3) at the splats' places, on the side that was seen: the front, unless that is the dark inside."""
-    points, normals = deposits.on(mesh)
+    """(N, 3) at the splats' places, on the side that was seen. Where that is not sure, the front, unless it is the dark
+    inside of something: where little light is let in, few samples of a surface that was seen find any."""
+    points, normals = deposits.seen(mesh)
     light = np.pi * shown(tracer, captured, points, normals, spp).astype(np.float64)
     brightness = light.mean(axis=1)
-    inside = np.flatnonzero(brightness <= UNLIT * brightness.mean())
+    inside = np.flatnonzero((deposits.side <= 0) & (brightness <= UNLIT * brightness.mean()))
     if len(inside):
         behind = np.pi * shown(tracer, captured, points[inside], -normals[inside], spp)
         light[inside] = np.maximum(light[inside], behind)
     return light
 
 
-def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling) -> F32:
-    """(V, 3) sums of the splats' colours over sums of their light; of clipped ones, the colours that they hide."""
+def _albedo(shape: _Shape, deposits: Deposits, light: F64, filling: Filling, *, noisy: bool) -> F32:
+    """(V, 3) sums of the splats' colours over sums of their light; of clipped ones, the colours that they hide.
+
+    `noisy`: most samples find no light, so that only sums over many places tell how much there is.
+    """
     mean = np.average(light.mean(axis=1), weights=deposits.weight)
-    color = np.minimum(deposits.color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
+    color = deposits.color
+    if not noisy:
+        color = np.minimum(color, _whitest(shape, deposits, light) + FLOOR * mean / np.pi)
     over = _overexposed(shape, deposits, light)
     found = _told(shape, deposits, color, light, np.where(over, _OVEREXPOSED, 1.0), filling)
     if not over.any():

@@ -62,8 +62,9 @@ def told(
     assert mesh.vertex_colors is not None
     colors = (mesh.vertex_colors[mesh.faces[face]] * corners[:, :, None]).sum(axis=1)
     moved = corners * (1 - _INSET / steps[face, None]) + _INSET / 3 / steps[face, None]
-    nowhere = np.zeros((len(face), 2, 3))
-    places = Deposits(face, moved.astype(np.float32), np.ones(len(face)), np.zeros((len(face), 3)), nowhere)
+    nothing = np.zeros((len(face), 3))
+    one, spread = np.ones(len(face)), np.zeros((len(face), 2, 3))
+    places = Deposits(face, moved.astype(np.float32), one, nothing, spread, side=0 * one)
     shown, known = observed(splats, views, mesh, tracer).at(*places.on(mesh))
     if views and discs:
         shown, known = _both((shown, known), observed(splats, (), mesh, tracer).at(*places.on(mesh)))

@@ -71,7 +71,9 @@ def captured_level(
     if not len(every):
         return 0.0
     front = brightness(every, 1.0)
-    hidden = every if found is None else np.flatnonzero(front <= UNLIT * front.mean())  # perhaps the inside of a thing
+    hidden = (
+        every if found is None else np.flatnonzero((places.side <= 0) & (front <= UNLIT * front.mean()))
+    )  # an inside?
     if len(hidden):
         front[hidden] = np.maximum(front[hidden], brightness(hidden, -1.0))
     return float(np.average(front, weights=places.weight))
@@ -85,6 +87,7 @@ class _Places:
     points: F64  # (N, 3) world space
     normals: F64  # (N, 3) unit
     weight: F64  # (N,) their sum is above 0
+    side: F64  # (N,) 1: what was seen is the front, -1: the back; 0: not known
 
 
 def _captured_places(
@@ -97,7 +100,7 @@ def _captured_places(
         found = observed(splats, views, mesh, tracer).deposits(POINTS)
     except RenderError:
         return None
-    return _Places(found.face, *found.on(mesh), found.weight) if found.weight.sum() > 0 else None
+    return _Places(found.face, *found.seen(mesh), found.weight, found.side) if found.weight.sum() > 0 else None
 
 
 def _everywhere(mesh: ProxyMesh) -> _Places:
@@ -105,4 +108,4 @@ def _everywhere(mesh: ProxyMesh) -> _Places:
     v = mesh.vertices[mesh.faces].astype(np.float64)
     face, corners = triangles.strewn(v, POINTS)
     points = (v[face] * corners[:, :, None]).sum(axis=1)
-    return _Places(face.astype(np.int32), points, face_normals(mesh)[face], np.ones(len(face)))
+    return _Places(face.astype(np.int32), points, face_normals(mesh)[face], np.ones(len(face)), np.zeros(len(face)))

@@ -46,11 +46,17 @@ class Deposits:
     weight: F64  # (N,) how much of the surface each stands for, and how surely
     color: F64  # (N, 3) linear, what is seen from all sides
     spread: F64  # (N, 2, 3) world units: a standard deviation of what shows the place, both ways along it
+    side: F64  # (N,) 1: the front of the face was seen, -1: its back; 0: not known
 
     def on(self, mesh: ProxyMesh) -> tuple[F64, F64]:
         """(N, 3) places in world space, (N, 3) unit normals of their faces."""
         v = mesh.vertices[mesh.faces[self.face]].astype(np.float64)
         return (v * self.corners[:, :, None]).sum(axis=1), triangles.normals(v)
+
+    def seen(self, mesh: ProxyMesh) -> tuple[F64, F64]:
+        """As :meth:`on`, with normals on the side that was seen; that of the front where it is not known."""
+        points, normals = self.on(mesh)
+        return points, np.where(self.side[:, None] < 0, -normals, normals)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +127,7 @@ class _Splats:
             weight=splats.opacities[::step][near] * np.minimum(lengths, reach).prod(axis=1) * closeness,
             color=splats.light(shown).astype(np.float64),
             spread=both * lengths[:, :, None],
+            side=np.zeros(len(near)),
         )
 
     def at(self, points: F64, normals: F64) -> tuple[F64, NDArray[np.bool_]]:
@@ -168,6 +175,7 @@ class Pixels:
     points: F64  # (N, 3) where their rays meet it
     face: I32  # (N,)
     cosine: F64  # (N,) between ray and face
+    side: F64  # (N,) 1: the ray meets the face's front, -1: its back
     footprint: F64  # (N,) world units: a pixel's width, across the ray
     color: F64  # (N, 3) linear
 
@@ -215,6 +223,7 @@ class _Pictures:
             weight=np.ones(len(rows)),
             color=color,
             spread=conventions.frame_around(own)[:, :2] * some.footprint[:, None, None] * np.sqrt(0.5),
+            side=some.side,
         )
 
     def at(self, points: F64, normals: F64) -> tuple[F64, NDArray[np.bool_]]:
@@ -280,7 +289,8 @@ def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> Pi
     face, depth = tracer.sight().first_hits(starts, ways)
     depth = np.where(face >= 0, depth, 0.0)
     length = np.linalg.norm(ways, axis=1)
-    cosine = np.abs(np.einsum("nk,nk->n", normals[face], ways)) / length
+    facing = -np.einsum("nk,nk->n", normals[face], ways) / length
+    cosine = np.abs(facing)
     alpha = (1 - view.transmittance).ravel()
     footprint = depth / camera.fx if camera.projection == "perspective" else np.full(len(depth), 1 / camera.fx)
     kept = (face >= 0) & (alpha > OPAQUE) & (cosine > GRAZING)
@@ -290,7 +300,8 @@ def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> Pi
     shown = view.color.reshape(-1, 3)[rows] / alpha[rows, None]
     color = shown if view.linear else colour.srgb_decode(np.maximum(shown, 0))
     points = starts[rows] + depth[rows, None] * ways[rows]
-    return Pixels(rows, points, face[rows], cosine[rows], footprint[rows], color.astype(np.float64))
+    side = np.where(facing[rows] < 0, -1.0, 1.0)
+    return Pixels(rows, points, face[rows], cosine[rows], side, footprint[rows], color.astype(np.float64))
 
 
 def _outlines(depth: F64, step: F64) -> NDArray[np.bool_]:

@@ -38,6 +38,7 @@ REACH = 0.02  # of the bounds' diagonal
 MARGIN = 2.0**-18  # of the largest coordinate plus the longest edge: how far off edges points must lie for rays
 TINY = np.finfo(np.float64).tiny
 FEW, MANY = 4, 32
+SELDOM = 8  # times as many where most splats are seldom met
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,9 +104,10 @@ def places_of(
     front = _brightness(tracer, reference, points, normals, samples[0])
     dim = np.flatnonzero(front <= UNLIT * front.mean())
     if len(dim):  # seldom met, or dark
-        front[dim] = _brightness(tracer, reference, points[dim], normals[dim], samples[1])
+        many = samples[1] * (SELDOM if len(dim) > len(front) / 2 else 1)  # as where little light is let in
+        front[dim] = _brightness(tracer, reference, points[dim], normals[dim], many)
         dark = dim[front[dim] <= UNLIT * front.mean()]
-        back = _brightness(tracer, reference, points[dark], -normals[dark], samples[1])
+        back = _brightness(tracer, reference, points[dark], -normals[dark], many)
         normals[dark[back > front[dark]]] *= -1
         front[dark] = np.maximum(front[dark], back)
         unseen = dark[front[dark] <= UNLIT * front.mean()]

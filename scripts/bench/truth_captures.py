@@ -161,6 +161,14 @@ PLANS = (
         ("low sun", "clouds", "lamp"),
         shooting=_LONGER,
     ),
+    _Plan(
+        "hall",
+        "hall",
+        "hall, trained",
+        "sunny",
+        ("overcast", "lamps", "low sun"),
+        shooting=replace(_LONGER, spp=32),
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -175,6 +183,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
     "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
+    "hall": ((2.8, 1.55, 1.9), (-0.8, 1.35, -0.7), 52),
     "park": ((2.3, 1.3, 2.4), (0.0, 0.55, 0.2), 46),
 }
 

@@ -169,6 +169,7 @@ PLANS = (
         ("overcast", "lamps", "low sun"),
         shooting=replace(_LONGER, spp=32),
     ),
+    _Plan("bust", "bust", "bust, trained", "soft boxes", ("low sun", "clouds", "lamp"), shooting=Shooting()),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -183,6 +184,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
     "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
+    "bust": ((0.42, 0.62, 0.92), (0.0, 0.165, 0.0), 27),
     "hall": ((2.8, 1.55, 1.9), (-0.8, 1.35, -0.7), 52),
     "park": ((2.3, 1.3, 2.4), (0.0, 0.55, 0.2), 46),
 }

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.backend import mitsuba
 from mirelight.model import (
+    AreaLight,
     Camera,
     DirectionalLight,
     Environment,
@@ -96,7 +97,7 @@ def _rgb(color: F64, scale: float) -> dict[str, Any]:
 
 
 def _emitter(mi: Any, light: Light) -> Any:
-    """The Mitsuba emitter of one light. Windows of `range` and area lights are not used by the shipped scenes."""
+    """The Mitsuba emitter of one light. No scene uses windows of `range`, or area lights that are no rectangles."""
     if isinstance(light, DirectionalLight):
         direction = [float(x) for x in light.direction]
         return {"type": "directional", "direction": direction, "irradiance": _rgb(light.color, light.intensity)}
@@ -109,6 +110,17 @@ def _emitter(mi: Any, light: Light) -> Any:
         return {
             "type": "disk",
             "to_world": mi.ScalarTransform4f(to_world),
+            "emitter": {"type": "area", "radiance": radiance},
+        }
+    if isinstance(light, AreaLight) and light.shape == "rectangle":
+        to_world = light.world_from_light @ np.diag(
+            [light.size[0] / 2, light.size[1] / 2, -1.0, 1.0]
+        )  # shines along +Z
+        radiance = _rgb(light.color, light.intensity)
+        return {
+            "type": "rectangle",
+            "to_world": mi.ScalarTransform4f(to_world),
+            "bsdf": {"type": "diffuse", "reflectance": 0.0},
             "emitter": {"type": "area", "radiance": radiance},
         }
     if isinstance(light, PointLight) and np.isinf(light.range) and light.radius == 0:

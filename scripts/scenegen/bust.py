@@ -95,7 +95,7 @@ def recipe() -> Recipe:
         elevation, away = RINGS[k // 18]
         eye = FOCUS + away * towards(20 * k + 7 * (k // 18), elevation)
         rings.append(Camera.look_at(eye, FOCUS, 960, 640, yfov=29, name=f"{k}"))
-    front = Camera.look_at(FOCUS + 1.1 * towards(70, 24), FOCUS, 960, 640, yfov=27, name="front")
+    front = Camera.look_at(FOCUS + 1.2 * towards(70, 20), FOCUS, 960, 640, yfov=27, name="front")
     return Recipe(
         name="bust",
         title="A toy on a stand, captured between soft boxes; relit by a low sun, by clouds and by a lamp.",

@@ -111,6 +111,8 @@ def test_splats_take_the_light_inside() -> None:
     many = np.ones(len(points), np.float32)
     quats = np.tile(np.array([1, 0, 0, 0], np.float32), (len(points), 1))
     sizes = np.full((len(points), 3), 0.01, np.float32)
-    splats = SplatCloud(means=points, quats=quats, scales=sizes, opacities=many, sh=np.zeros((len(points), 1, 3)))
+    splats = SplatCloud(
+        means=points, quats=quats, scales=sizes, opacities=many, sh=np.zeros((len(points), 1, 3), np.float32)
+    )
     found = places_of(splats, room(), Tracer(room(), SETTINGS, layers=False, aovs=False), SKY)
     assert ((found.normals * found.points).sum(axis=1) < 0).mean() > 0.97

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mirelight.base import colour
 from mirelight.base.conventions import frame_around, quaternion_from_rotation, unit
 from mirelight.base.errors import RenderError
-from mirelight.estimate import Estimate, edges, estimate, fit, lighting_of, solve, sun, transport
+from mirelight.estimate import Estimate, descent, edges, estimate, fit, lighting_of, sun, transport, which_sun
 from mirelight.estimate.describe import described, doubted, unknown
 from mirelight.estimate.fit import Pairs
 from mirelight.estimate.sky import ABOVE, PATCHES, RING_OF, RINGS, as_map, glow, ground_under, patch_of, sphere
@@ -231,7 +231,7 @@ def test_a_proxy_that_lets_light_in_where_there_was_a_wall_does_not_hide_the_sun
     places = transport.places_of(splats, leaky, SETTINGS)
     places = places.taken(np.arange(0, len(places), 3))
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
-    (found, _) = solve._suns([places, places], [pairs, pairs], np.random.default_rng(1), NOTHING_SAID)
+    (found, _) = which_sun.suns_by_half([places, places], [pairs, pairs], np.random.default_rng(1), NOTHING_SAID)
     assert found is not None
     assert apart(found.to_sun, -ROOMS_SUN.direction) < 2
 
@@ -242,10 +242,13 @@ def test_the_whole_fit_chooses_between_suns(monkeypatch: pytest.MonkeyPatch) -> 
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
     wrong, right = (sun.Sun(way, 0.0, np.zeros(0), loss, (0.35, 0.45)) for way, loss in ((-TO_SUN, 0.0), (TO_SUN, 0.1)))
     monkeypatch.setattr(sun, "search", lambda of: (wrong, right))
-    (found, _) = solve._suns([places, places], [pairs, pairs], np.random.default_rng(0), NOTHING_SAID)
+    (found, _) = which_sun.suns_by_half([places, places], [pairs, pairs], np.random.default_rng(0), NOTHING_SAID)
     assert found is not None and apart(found.to_sun, TO_SUN) < 3  # moved to where the places like it best
     monkeypatch.setattr(sun, "search", lambda of: ())
-    assert solve._suns([places, places], [pairs, pairs], np.random.default_rng(0), NOTHING_SAID) == [None, None]
+    assert which_sun.suns_by_half([places, places], [pairs, pairs], np.random.default_rng(0), NOTHING_SAID) == [
+        None,
+        None,
+    ]
 
 
 def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,7 +257,7 @@ def test_a_sun_that_shadows_edges_alone_tell_of_is_kept(monkeypatch: pytest.Monk
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
     given = sun.Sun(TO_SUN, 0.0, np.zeros(0), 0.0, (0.35, 0.45))
     monkeypatch.setattr(sun, "firm", lambda places, found: sun.disc(places, found.to_sun, 0.0) == 0)
-    best, gain = solve._best(places, pairs, [given, None], NOTHING_SAID)
+    best, gain = which_sun.best_of(places, pairs, [given, None], NOTHING_SAID)
     assert gain > TUNING.least_gain
     assert 0.7 < float(np.pi * best.light.beams[0].mean() / (2.5 * np.mean([1, 0.9, 0.8]))) < 1.4
 
@@ -267,7 +270,7 @@ def test_a_sun_of_which_edges_are_certain_need_not_explain_more(monkeypatch: pyt
     said = spoken_of(LIGHT, 1)
     for certain, there in ((said.lead - 0.1, True), (said.lead + 0.1, False)):
         monkeypatch.setattr(edges, "TUNING", replace(TUNING, least_gain=1.0, sure_gain=1.0, edge_certain=certain))
-        best, _ = solve._best(places, pairs, [given, None], said)
+        best, _ = which_sun.best_of(places, pairs, [given, None], said)
         assert (best.sun is not None) == there
 
 
@@ -277,7 +280,9 @@ def test_a_sun_that_edges_surely_tell_does_not_fade_from_a_weak_start(start: tup
     down, though a strong one explains far more."""
     _, pairs, one, _, _ = known_yard()
     places, _ = misfit(0.3)
-    weak, sure = (solve._each(places, pairs, replace(one, start=start, sure=sure)).light for sure in (False, True))
+    weak, sure = (
+        descent.fitted_each(places, pairs, replace(one, start=start, sure=sure)).light for sure in (False, True)
+    )
     of_truth = [float(light.beams[0].mean() / beam_of_yard().mean()) for light in (weak, sure)]
     assert of_truth[0] < 0.4 and weak.loss > sure.loss + 0.03
     assert 0.8 < of_truth[1] < 1.1
@@ -320,7 +325,7 @@ def test_bars_that_the_proxy_lacks_take_less_of_the_suns_strength() -> None:
     places, _ = misfit(0.65)
     every, agreeing = (
         float(light.beams[0].mean() / beam_of_yard().mean())
-        for light in (solve._each(places, pairs, one).light, solve._agreed(places, pairs, one).light.light)
+        for light in (descent.fitted_each(places, pairs, one).light, which_sun._agreed(places, pairs, one).light.light)
     )
     assert every < 0.3
     assert 0.5 < agreeing < 1
@@ -602,7 +607,7 @@ def test_light_from_a_wide_patch_is_sky_and_no_sun() -> None:
     places = transport.places_of(painted(yard(), soft, 2400), yard(), SETTINGS)
     pairs = fit.pairs_of(places.points, places.color, np.random.default_rng(0))
     wide = sun.Sun(TO_SUN, 16.0, np.zeros(0), 0.0, (0.35, 0.45))
-    best, _ = solve._best(places, pairs, [wide, None], NOTHING_SAID)
+    best, _ = which_sun.best_of(places, pairs, [wide, None], NOTHING_SAID)
     assert best.sun is None
     assert best.light.sky[patch_of(TO_SUN)].mean() > 3 * np.median(best.light.sky)
 

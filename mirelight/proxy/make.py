@@ -26,6 +26,7 @@ from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import flattened, fog_of
+from mirelight.proxy.lids import closed_by, covered, lids_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.slanted import slanted
@@ -161,6 +162,9 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> _F
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
     fog = fog_of(views, flats)
+    if (windows or fog) and (lids := lids_of(views, flats, capture.spacing)):
+        views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
+        flats = closed_by(flats, lids)
     if fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing)
     views = each(lambda view: flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog), views)

@@ -65,8 +65,8 @@ class Window:
         """(H, W) pixels that are seen through the window, or show its bars."""
         origins, directions = rays(view.camera)
         slack = TUNING.opening_before * spacing * length(directions)
-        wall, _ = _met(self.wall, origins, directions)
-        face, facing = _met(self.face, origins, directions)
+        wall, _ = met(self.wall, origins, directions)
+        face, facing = met(self.face, origins, directions)
         hidden = (view.depth > 0) & (view.depth < wall - slack / np.maximum(facing, 0.1))
         return np.asarray((face > 0) & ~hidden & self.face.inside(origins + directions * face[..., None]))
 
@@ -105,7 +105,7 @@ def _panes(flat: Flat, views: Sequence[DepthMap], spacing: float) -> list[Bool]:
     at = flat.middles
     seen, white, behind = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     for view in views:
-        rows, pixel, off = _looked_at(view, flat, at, spacing)
+        rows, pixel, off = looked_at(view, flat, at, spacing)
         there = (off > -TUNING.opening_before) & (view.depth.ravel()[pixel] > 0)
         seen[rows] += there
         white[rows] += there & (view.color.min(axis=-1).ravel()[pixel] > TUNING.clipped)
@@ -194,7 +194,7 @@ def _shown(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) ->
     at = face.middles
     seen, total, square, behind = (np.zeros(len(at)) for _ in range(4))
     for view in views:
-        rows, pixel, off = _looked_at(view, wall, at, spacing)
+        rows, pixel, off = looked_at(view, wall, at, spacing)
         off = np.where(view.depth.ravel()[pixel] > 0, off, TUNING.opening_far)  # nothing is there
         there = off > -TUNING.opening_before
         rows, pixel, off = rows[there], pixel[there], off[there]
@@ -211,7 +211,7 @@ def _shown(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) ->
     return _Shown(*(x.reshape(face.there.shape) for x in rows_of))
 
 
-def _looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int64], F64]:
+def looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int64], F64]:
     """Rows (M,) of points (N, 3) that are in a view's picture, their pixels, and how far behind a plane the surface is
     there, in spacings."""
     own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
@@ -228,7 +228,7 @@ def _looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDA
     return rows, pixel, np.where(np.abs(slope) > 0, off, 0.0)
 
 
-def _met(flat: Flat, origins: F64, directions: F64) -> tuple[F64, F64]:
+def met(flat: Flat, origins: F64, directions: F64) -> tuple[F64, F64]:
     """(H, W) depths at which rays meet a plane, and the cosines between both."""
     slope = dot(directions, flat.normal)
     safe = np.where(np.abs(slope) > 1e-9, slope, 1e-9)

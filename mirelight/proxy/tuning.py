@@ -54,9 +54,8 @@ class Tuning:
     plane_cosine: float = 0.85  # between the normals of points and their plane
     # share of the surface: smaller ones are left to what is free, as slices of a biker are, of 0.004 to 0.02
     plane_least: float = 0.02
-    plane_turn: float = (
-        0.15  # radians from middle to rim: what turns more is round (a ball's caps 0.3, a room's walls 0.05)
-    )
+    # radians from middle to rim: what turns more is round (a ball's caps 0.3, a room's walls 0.05)
+    plane_turn: float = 0.15
     plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
     plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24
     plane_most: int = 24  # planes
@@ -66,9 +65,8 @@ class Tuning:
 
     # windows (`openings`)
     clipped: float = 0.9  # display value of the least channel: of a room's windows 97 % lie above, of all else 3 %
-    window_depth: float = (
-        0.2  # behind the wall, mean of what is white: a room's windows lie 0.5 to 2.3 behind, a patch of sun on it -0.2
-    )
+    # behind the wall, mean of what is white: a room's windows lie 0.5 to 2.3 behind, a patch of sun on it -0.2
+    window_depth: float = 0.2
     window_bars: float = 0.5  # behind the wall, where its pictures agree best: 0.9 of a window, -0.25 of a patch of sun
     window_cells: int = 12  # cells of a plane, at least
 
@@ -94,7 +92,6 @@ class Tuning:
     ground_smooth: float = 6.0  # cells, deviation: 3 and 10 lose 0.2
     ground_fewest: float = 2e-3  # points a cell, below which the plane is the guess
     ground_even: float = 0.5  # tolerances: what rises less is flat; 0 loses 0.15
-
     ground_fades: float = 12.0  # tolerances from a box's sides, over which it becomes what was seen closer
 
     cell: float = 0.6  # of the grid that maps are fused in
@@ -125,6 +122,11 @@ class Tuning:
     # over the edges of bars; half of it makes them thinner by a quarter
     opening_part: float = 0.75
     opening_even: float = 0.1  # a sky's cells differ by less, where no bar is among them
+
+    # dark doorways (`lids`)
+    lid_dark: float = 0.25  # display value of the greatest channel: a dark room's are 0.02 to 0.2
+    lid_masked: float = 0.05  # of the pixels, dark and transparent, from which masks made them so: 0.005 in a room
+    lid_held: float = 0.5  # of an opening's rim that is wall
 
     # depth maps (`depth`)
     depth_opaque: float = 0.5  # alpha from which a pixel shows a surface

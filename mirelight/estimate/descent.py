@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,7 +124,8 @@ def descended(task: Task, start: tuple[float, float] | None = None, steady: floa
     # one that is surely there may fade away on either way down; of others, the strict way tells right ones from wrong
     starts = (0, TUNING.fit_steps // 2) if sunlight is not None and task.sun and task.sun.sure else (0,)
     ground = ground_under(None if task.sun is None else task.sun.to_sun, shape, task.seen.shape[1])
-    ways = [fit.Weighing(task.firm, task.robust, steady, ground, sunlight, start) for start in starts]
+    most = math.inf if task.sun is None else sun.most(places, task.seen[:, 0], task.sun.to_sun)
+    ways = [fit.Weighing(task.firm, task.robust, steady, ground, most, sunlight, start) for start in starts]
     asked = (places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams)
     light = min((fit.fit(*asked, way) for way in ways), key=lambda found: found.loss)
     return Found(task.sun, task.lamps, replace(light, sky=light.sky * shape[:, None]))

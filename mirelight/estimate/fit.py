@@ -173,6 +173,7 @@ class Weighing:
     steady: float = 0.0  # weight of squared logarithms of quotients of neighbouring rings above the horizon
     # (PATCHES + K,) as `ground_under` has it: no more than that, of all sources, comes from below the horizon
     ground: F64 | None = None
+    sun_most: float = math.inf  # the strongest that the first beam may be, in any channel
     sunlight: F64 | None = None  # (3,) colour that the first beam is drawn to, from that step on;
     sunlight_from: int = 0  # before, or without one, all direct light is drawn to white
 
@@ -235,6 +236,8 @@ def fit(
         theta -= rate * (first / (1 - 0.9 ** (step + 1))) / (np.sqrt(second / (1 - 0.99 ** (step + 1))) + 1e-7)
         if by.ground is not None:
             theta[ABOVE : len(RINGS)] = np.minimum(theta[ABOVE : len(RINGS)], np.log(by.ground @ sources))
+        if by.sun_most < math.inf:
+            theta[_BEAMS] = np.minimum(theta[_BEAMS], math.log(by.sun_most))
     sources = _radiances(theta)
     return Fitted(sources[:PATCHES], sources[PATCHES:], task.loss(sources, weights))
 

@@ -136,19 +136,23 @@ def search(of: Search) -> tuple[Sun, ...]:
     for first in range(0, TUNING.sun_directions, _AT_ONCE):
         rows = slice(first, first + _AT_ONCE)
         seen = of.places.facing(directions[rows])
-        enough = (seen > 0).mean(axis=1) >= TUNING.sun_least_lit
-        promise[rows] = np.where(enough, of.promise(seen), -np.inf)
+        promise[rows] = np.where(reaches(seen), of.promise(seen), -np.inf)
     tried = np.argsort(-promise, kind="stable")[: TUNING.sun_tried]
     tried = tried[np.isfinite(promise[tried])]
     if not len(tried):
         return ()
 
     def losses(near: F64) -> F64:
-        return np.array([of.losses(one).min() for one in of.places.facing(near)])
+        return np.array([of.losses(one).min() if reaches(one) else np.inf for one in of.places.facing(near)])
 
     rough = np.array([of.rough(one) for one in of.places.facing(directions[tried])])
     starts = apart(directions[tried], rough, TUNING.sun_starts, TUNING.sun_starts_apart)
     return tuple(_with_disc(of, refined(losses, directions[tried[k]], TUNING.sun_steps, 4)[0]) for k in starts)
+
+
+def reaches(seen: F64) -> NDArray[np.bool_]:
+    """(...,) whether a sun of cosines (..., N) lights enough of the places to be told by them."""
+    return np.asarray((seen > 0).mean(axis=-1) >= TUNING.sun_least_lit)
 
 
 def voted(of: Search, edges: Spoken, most: int) -> tuple[Sun, ...]:
@@ -236,12 +240,12 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted, edges: Spoken
     others = light.beams[1 : 1 + places.named.shape[1]]
     sky = light_of(places.open, places.met, places.named, light.sky, others)
 
-    def losses(way: F64, radius: float, points: int) -> F64:
-        shown = disc(places, way, radius, points)[:, None] * light.beams[0]
-        return compared(places.color, sky + shown, pairs)
+    def losses(seen: F64) -> F64:
+        return compared(places.color, sky + seen[:, None] * light.beams[0], pairs)
 
     def all_losses(near: F64) -> F64:
-        out = np.array([losses(one, found.radius, TUNING.sun_few).sum() for one in near])
+        seen = (disc(places, one, found.radius, TUNING.sun_few) for one in near)
+        out = np.array([losses(one).sum() if reaches(one) else np.inf for one in seen])
         if found.by_edges:
             out[edges.score(near) < found.least_said] = np.inf
         return out
@@ -252,7 +256,7 @@ def moved(places: Places, pairs: Pairs, found: Sun, light: Fitted, edges: Spoken
     if found.by_edges:  # there is a sun
         radii = radii[radii <= TUNING.widest_sun]
     more, error = _compared_to_best(
-        np.stack([losses(way, r, TUNING.sun_disc) for r in radii]), _blocks(places.points)[pairs.a]
+        np.stack([losses(disc(places, way, r)) for r in radii]), _blocks(places.points)[pairs.a]
     )
     off = more / np.maximum(error, 1e-12)
     likely, maybe = np.cumsum(np.exp(-0.5 * off**2)), radii[off <= TUNING.sun_surely]
@@ -290,6 +294,24 @@ def _halves(points: F64, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
         return [rows]
     axis = int(np.argmax(np.ptp(points[rows], axis=0)))
     return np.array_split(rows[np.argsort(points[rows, axis], kind="stable")], 2)
+
+
+def most(places: Places, seen: F64, to_sun: F64) -> float:
+    """The strongest that a sun may be, by what the places show that it lights: under more, half of them would be darker
+    than anything. Where these are few, hardly anything else bounds it.
+
+    Args:
+        places: all of them.
+        seen: (N,) the sun's :func:`disc`.
+        to_sun: (3,) unit.
+
+    Returns:
+        Irradiance / pi of a facing surface; infinite where none is lit.
+    """
+    rows = lit(places, seen, to_sun)
+    if not rows.any():
+        return np.inf
+    return float(np.median(places.color[rows].max(axis=1) / seen[rows])) / TUNING.fit_dark
 
 
 def sunlight(places: Places, pairs: Pairs, seen: F64, to_sun: F64) -> F64 | None:

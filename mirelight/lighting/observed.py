@@ -54,7 +54,7 @@ class Deposits:
         return (v * self.corners[:, :, None]).sum(axis=1), triangles.normals(v)
 
     def seen(self, mesh: ProxyMesh) -> tuple[F64, F64]:
-        """As :meth:`on`, with normals on the side that was seen; that of the front where it is not known."""
+        """(N, 3) places in world space, (N, 3) unit normals on the side that was seen; if not known, the front."""
         points, normals = self.on(mesh)
         return points, np.where(self.side[:, None] < 0, -normals, normals)
 

@@ -1,8 +1,9 @@
 """Lids: where a wall of a room opens on what is dark, and no splats stand for that, no light comes in.
 
 What is dark needs few splats before black: a doorway into a dark room is as transparent as the open, and so are the
-dark room's walls. The sky would come in there. But a capture that shows its sky, or its windows, shows it bright; what
-is dark in its pictures is hidden from the sky. So such an opening is closed in the plane of its wall.
+dark room's walls. The sky would come in there. But a room's windows are bright in its pictures; what is dark in them is
+hidden from the sky. So such an opening is closed in the plane of its wall. In the open, what is dark and
+transparent may be a shadow on the ground.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def lids_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float) ->
     None where much of the pictures is dark and transparent: outside of masks they are black, whatever is there.
 
     Args:
-        views: maps of a capture that shows a sky or windows, all that is seen of these far away.
+        views: maps of a room with windows, all that is seen through these far away.
         flats: the planes that they show.
         spacing: of the splats, world units.
     """

@@ -162,7 +162,7 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> _F
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
     fog = fog_of(views, flats)
-    if (windows or fog) and (lids := lids_of(views, flats, capture.spacing)):
+    if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)
     if fog:

@@ -160,9 +160,9 @@ def _both_sides(voxel: Int, side: NDArray[np.bool_], normals: F64) -> NDArray[np
         of = side == bool(way)
         for k in range(3):
             sums[way, :, k] = np.bincount(index[of], normals[of, k], minlength=len(key))
-    length = np.linalg.norm(sums, axis=2)
-    cosine = dot(sums[0], sums[1]) / np.maximum(length[0] * length[1], 1e-30)
-    few = np.minimum(length[0], length[1]) < TUNING.fused_few * np.maximum(length[0], length[1])
+    one, other = length(sums)
+    cosine = dot(sums[0], sums[1]) / np.maximum(one * other, 1e-30)
+    few = np.minimum(one, other) < TUNING.fused_few * np.maximum(one, other)
     return np.asarray(((cosine < TUNING.fused_opposite) & ~few)[index])
 
 

@@ -113,15 +113,13 @@ def _emitter(mi: Any, light: Light) -> Any:
             "emitter": {"type": "area", "radiance": radiance},
         }
     if isinstance(light, AreaLight) and light.shape == "rectangle":
-        to_world = light.world_from_light @ np.diag(
-            [light.size[0] / 2, light.size[1] / 2, -1.0, 1.0]
-        )  # shines along +Z
-        radiance = _rgb(light.color, light.intensity)
+        half = np.divide(light.size, 2)
+        to_world = light.world_from_light @ np.diag([*half, -1.0, 1.0])  # Mitsuba's shines along +Z
         return {
             "type": "rectangle",
             "to_world": mi.ScalarTransform4f(to_world),
             "bsdf": {"type": "diffuse", "reflectance": 0.0},
-            "emitter": {"type": "area", "radiance": radiance},
+            "emitter": {"type": "area", "radiance": _rgb(light.color, light.intensity)},
         }
     if isinstance(light, PointLight) and np.isinf(light.range) and light.radius == 0:
         position = [float(x) for x in light.position]

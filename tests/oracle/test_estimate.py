@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -25,6 +25,8 @@ from mirelight.model import F64, Environment, Lighting, ProxyMesh, RenderSetting
 
 from .toy_estimate import of_toys
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 SETTINGS = RenderSettings(seed=3)
 NO_EDGES: Any = None
 NOTHING_SAID = edges.Spoken(np.zeros((0, 3)), np.zeros(0), NO_EDGES, np.ones(3))
@@ -34,13 +36,6 @@ LIGHT = Lighting(
     lights=(SunLight(name="sun", direction=-TO_SUN, color=np.array([1, 0.9, 0.8]), intensity=2.5),),
     environment=Environment(radiance=np.array([[SKY]], np.float32)),
 )
-
-
-@pytest.fixture(autouse=True, scope="module")
-def cut_down() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        of_toys(patch)
-        yield
 
 
 def boxes(*sizes: Sequence[ArrayLike]) -> ProxyMesh:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -19,7 +18,8 @@ from mirelight.io.job.captured_text import captured_text
 from mirelight.model import F64, AreaLight, Environment, EstimatedSky, Lighting, PointLight, digest
 
 from .test_estimate import SETTINGS, painted, yard
-from .toy_estimate import of_toys
+
+pytestmark = pytest.mark.usefixtures("toys")
 
 LAMP_JOB = """
 lights = [{ type = "sun", direction = [0, -1, 0], intensity = 1 }]
@@ -38,13 +38,6 @@ def facing_down(position: F64) -> F64:
     pose[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
     pose[:3, 3] = position
     return pose
-
-
-@pytest.fixture(autouse=True, scope="module")
-def cut_down() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        of_toys(patch)
-        yield
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -16,18 +15,12 @@ from mirelight.lighting.albedo import face_normals
 from mirelight.model import Environment, Lighting, ProxyMesh, SplatCloud, SunLight
 
 from .test_estimate import SETTINGS, boxes, painted
-from .toy_estimate import of_toys
+
+pytestmark = pytest.mark.usefixtures("toys")
 
 TO_SUN = unit([0.55, 0.75, 0.2])
 STRENGTH = 60.0
 HEIGHT, HOLE = 3.0, 0.45  # of the box; half the width of the hole in its ceiling
-
-
-@pytest.fixture(autouse=True, scope="module")
-def cut_down() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        of_toys(patch)
-        yield
 
 
 @cache

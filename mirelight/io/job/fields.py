@@ -169,9 +169,14 @@ def path_as_table(value: Any) -> Any:
 LIT = ("lights", "lights_from", "environment")  # what a lighting's light is said by
 
 
+def has_light(table: Mapping[str, Any]) -> bool:
+    """Whether a lighting, by its values, has light of its own."""
+    return any(table.get(key) for key in LIT)
+
+
 def is_captured(table: Mapping[str, Any]) -> bool:
     """Whether a lighting, by its values, is the captured light: it has that name, and no light of its own."""
-    return table.get("name") == CAPTURED and not any(table.get(key) for key in LIT)
+    return table.get("name") == CAPTURED and not has_light(table)
 
 
 def lightings_as_tables(value: Any) -> Any:

@@ -8,13 +8,13 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mirelight.io.job.fields import (
     CAPTURED,
-    LIT,
     GltfPath,
     Name,
     NotNegative,
     Number,
     Positive,
     Table,
+    has_light,
     is_captured,
     lightings_as_tables,
     one_way,
@@ -140,12 +140,8 @@ class CapturedTable(Lit):
         return self
 
 
-def _has_light(table: Lit) -> bool:
-    return any(getattr(table, key) for key in LIT)
-
-
 def _lit(table: Lit) -> None:
-    if not _has_light(table):
+    if not has_light(vars(table)):
         raise wrong("no light in it", "add lights, lights_from or environment")
 
 

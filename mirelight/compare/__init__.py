@@ -97,7 +97,7 @@ def compare(
 
 
 def summary(outcome: Outcome) -> str:
-    """A table in plain text, worst pair first; below what was not compared, and the failures."""
+    """A table in plain text, worst pair first; below it remarks, what was not compared, and the failures."""
     rows = [("pair", "FLIP", "PSNR", "SSIM", "dE mean", "dE p99", "relMSE", "gain", "verdict")]
     for result in outcome.results:
         s = result.overall
@@ -109,5 +109,6 @@ def summary(outcome: Outcome) -> str:
     for name, *cells in rows:
         aligned = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
         lines.append("  ".join([name.ljust(widths[0]), *aligned]))
+    remarks = [f"{result.name}: {result.remark}" for result in outcome.results if result.remark]
     left_out = [f"not compared: {line}" for line in outcome.unpaired]
-    return "\n".join([*lines, *left_out, *outcome.failures])
+    return "\n".join([*lines, *remarks, *left_out, *outcome.failures])

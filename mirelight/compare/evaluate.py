@@ -7,6 +7,7 @@ import numpy as np
 from mirelight.base.errors import InputError
 from mirelight.compare import metrics
 from mirelight.compare.display import Display
+from mirelight.compare.oversight import oversight
 from mirelight.compare.pictures import read_mask, read_picture
 from mirelight.compare.regions import regions
 from mirelight.compare.types import (
@@ -48,6 +49,7 @@ def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
     gain = display.fit_gain(reference, test) if settings.fit_gain else 1.0
     figures = _Figures(reference, test, gain, display)
     masks = regions(reference, test, counted, settings.band)
+    scores = tuple(figures.scores(name, mask) for name, mask in masks.items())
     comparison = Comparison(
         name=pair.name,
         reference=pair.reference,
@@ -56,7 +58,8 @@ def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
         height=reference.size[0],
         linear=reference.linear and test.linear,
         gain=gain,
-        regions=tuple(figures.scores(name, mask) for name, mask in masks.items()),
+        regions=scores,
+        remark=oversight(reference, test, display, gain) if scores[0].verdict in ("difference", "unknown") else "",
         reference_settings=reference.settings,
         test_settings=test.settings,
     )

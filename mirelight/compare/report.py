@@ -160,6 +160,7 @@ def _section(index: int, result: Comparison, images: _Images) -> str:
 <h2>{name} {_chip(result.overall.verdict)}</h2>
 <p class="files"><span>Reference <code>{reference}</code></span> <span>Test <code>{test}</code></span>
 <span>{result.width} × {result.height} px</span></p>
+{f'<p class="remark">{escape(result.remark)}</p>' if result.remark else ""}
 <img-comparison-slider value="50" tabindex="0" aria-label="Reference on the left, test on the right"
  style="max-width:calc(80vh * {result.width / result.height:.4f})">
 <figure slot="first"><img src="{images.reference}" alt="Reference of {name}"><figcaption>Reference</figcaption></figure>

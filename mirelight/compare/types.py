@@ -109,6 +109,7 @@ class Comparison:
     linear: bool  # both sides are linear light
     gain: float  # what the reference's light was multiplied by; 1 where none was fitted
     regions: tuple[Scores, ...]  # "all" first
+    remark: str = ""  # what the test looks to have suffered, see `mirelight.compare.oversight`
     reference_settings: Mapping[str, Any] = field(default_factory=dict)
     test_settings: Mapping[str, Any] = field(default_factory=dict)
 

@@ -151,6 +151,8 @@ def _picture(facts: PictureFacts) -> Rows:
     yield "colours", facts.color_space
     if facts.mean is not None and facts.brightest is not None:
         yield "linear", f"mean {_vector(facts.mean)}, brightest {facts.brightest:g}"
+    if facts.not_finite:
+        yield "!", f"{facts.not_finite:,} pixels are NaN or infinite: no environment as it is; repair it"
     yield "memory", size(facts.memory)
     if facts.fingerprint:
         yield "fingerprint", facts.fingerprint

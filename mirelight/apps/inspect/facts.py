@@ -156,8 +156,9 @@ class PictureFacts:
     width: int
     height: int
     channels: tuple[str, ...]
-    mean: Numbers | None  # (3,) linear, every pixel alike
-    brightest: float | None  # largest value of a channel, linear
+    mean: Numbers | None  # (3,) linear, every finite pixel alike
+    brightest: float | None  # largest value of a channel in those, linear
+    not_finite: int  # pixels with a NaN or an infinite value, as which no environment is taken
     color_space: str  # of the file's colours; `mean` and `brightest` are in Rec.709
     memory: int  # bytes once read
     fingerprint: str | None  # of a frame that mirelight wrote
@@ -327,4 +328,4 @@ def numbers(values: Any) -> Numbers:
 
 def rounded(value: Any) -> float:
     """Six significant digits: float32 holds no more."""
-    return float(f"{float(value):.6g}")
+    return float(f"{float(value):.6g}") + 0.0  # of -0: 0

@@ -196,15 +196,15 @@ def _picture(path: Path) -> PictureFacts:
         pixels = read_environment(path)
         names, (height, width), memory = ("R", "G", "B"), pixels.shape[:2], pixels.nbytes
         space = _space(read_hdr_primaries(path)) if path.suffix.lower() == ".hdr" else "sRGB"
-    with np.errstate(invalid="ignore", over="ignore"):  # a file may hold both infinities
-        mean = None if pixels is None else numbers(pixels.mean(axis=(0, 1), dtype=np.float64))
+    sound = pixels[np.isfinite(pixels).all(axis=-1)] if pixels is not None else np.empty((0, 3), np.float32)
     return PictureFacts(
         path=str(path),
         width=int(width),
         height=int(height),
         channels=names,
-        mean=mean,
-        brightest=None if pixels is None else rounded(pixels.max()),
+        mean=numbers(sound.mean(axis=0, dtype=np.float64)) if len(sound) else None,
+        brightest=rounded(sound.max()) if len(sound) else None,
+        not_finite=0 if pixels is None else int(height * width - len(sound)),
         color_space=space,
         memory=int(memory),
         fingerprint=fingerprint,

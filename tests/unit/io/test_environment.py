@@ -19,6 +19,7 @@ from mirelight.apps.match.target import read_target
 from mirelight.base import backend, colour
 from mirelight.base.errors import InputError, OutputError
 from mirelight.base.primaries import INTEROP_IDS, PRIMARIES, REC709, ColorSpace, converted
+from mirelight.cli.report import lines
 from mirelight.compare.pictures import read_picture
 from mirelight.io.environment import read_environment, write_environment
 from mirelight.io.hdr import read_hdr, write_hdr
@@ -80,6 +81,20 @@ def test_a_map_is_the_same_light_in_any_primaries(tmp_path: Path, space: ColorSp
     assert np.array_equal(read_target(tmp_path / "a.exr", None, "none").values, found)
     facts = inspect(tmp_path / "a.exr")
     assert isinstance(facts, PictureFacts) and facts.color_space == space
+
+
+def test_inspect_counts_what_is_not_finite(tmp_path: Path) -> None:
+    """An environment with such pixels is refused; the figures are of the others."""
+    before = radiance()
+    expected = np.delete(before.reshape(-1, 3), 9, axis=0)
+    before[0, 9, 1] = np.nan
+    facts = inspect(save_exr(tmp_path / "a.exr", {"RGB": before}))
+    assert isinstance(facts, PictureFacts) and facts.not_finite == 1 and facts.mean is not None
+    np.testing.assert_allclose(facts.mean, expected.mean(axis=0), rtol=1e-5)
+    assert facts.brightest == pytest.approx(expected.max(), rel=1e-5)
+    assert "  !            1 pixels are NaN or infinite" in "\n".join(lines(facts))
+    none = inspect(save_exr(tmp_path / "b.exr", {"RGB": np.full((2, 4, 3), np.inf, np.float32)}))
+    assert isinstance(none, PictureFacts) and (none.not_finite, none.mean, none.brightest) == (8, None, None)
 
 
 def test_colours_without_primaries_are_taken_as_rec709(tmp_path: Path) -> None:

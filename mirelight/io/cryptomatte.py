@@ -71,5 +71,5 @@ def attributes(matte: Matte) -> dict[str, str]:
         f"{key}/name": name,
         f"{key}/hash": "MurmurHash3_32",
         f"{key}/conversion": "uint32_to_float32",
-        f"{key}/manifest": json.dumps(manifest, separators=(",", ":")),
+        f"{key}/manifest": json.dumps(manifest, separators=(",", ":"), ensure_ascii=False),  # Blender reads no escapes
     }

@@ -127,6 +127,7 @@ def decoded(path: Path, layer: str) -> dict[str, np.ndarray[Any, np.dtype[np.flo
         (key,) = {k.rsplit("/", 1)[0] for k, v in header.items() if k.endswith("/name") and v == layer}
     assert len(key) == len("cryptomatte/") + 7
     assert header[f"{key}/hash"] == "MurmurHash3_32" and header[f"{key}/conversion"] == "uint32_to_float32"
+    assert "\\u" not in header[f"{key}/manifest"]  # letters as they are: Blender's reader drops backslashes
     names = {int(v, 16): k for k, v in json.loads(header[f"{key}/manifest"]).items()}
     out = {name: np.zeros(channels["R"].shape, np.float32) for name in names.values()}
     levels = sorted(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from mirelight.cli import options, say
@@ -29,7 +30,8 @@ def run_demo(args: argparse.Namespace) -> int:
     render = args.parser.parse_args(["render", *order.arguments(), *flags])
     code: int = render.call(render)
     if code == 0 and not args.quiet:
-        say.remark(f"change {job} and render it again, or mix its lights: mirelight mix {job} -o page --serve")
+        mix = f"mirelight mix {shlex.quote(str(job))} -o page --serve"
+        say.remark(f"change {job} and render it again, or mix its lights: {mix}")
     return code
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,7 +45,7 @@ def run_new(args: argparse.Namespace) -> int:
     found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects, estimated=True))
     write_file(out, found.text)
     notes = (found.up, *found.notes, found.as_captured)
-    go_on = f"{out} is written; go on with: mirelight render {out}"
+    go_on = f"{out} is written; go on with: mirelight render {shlex.quote(str(out))}"
     say.outcome(args, {"files": [out], "notes": notes}, [*notes, go_on])
     return 0
 
@@ -83,7 +84,8 @@ def refuse_capture(path: str) -> None:
         from mirelight.io.safety import existing
 
         existing(path)
-        raise InputError(path, "splats, not a job", f"add --light sun, or write a job with: mirelight new {path}")
+        remedy = f"add --light sun, or write a job with: mirelight new {shlex.quote(path)}"
+        raise InputError(path, "splats, not a job", remedy)
 
 
 def first_job(path: str, light: str, overrides: list[Override], note: Callable[[str], None]) -> Job:

@@ -6,6 +6,7 @@ place for them.
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -222,7 +223,7 @@ class Prepared:
             if is_even(known):
                 self._tell(
                     "the captured light's estimate is doubted, so even light, as strong, takes its place; to name what "
-                    f"was found instead: mirelight estimate {self.job.source.name} -o captured.toml"
+                    f"was found instead: mirelight estimate {shlex.quote(self.job.source.name)} -o captured.toml"
                 )
         return known
 

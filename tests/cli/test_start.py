@@ -254,10 +254,10 @@ def test_a_capture_in_place_of_a_job(run: Run, folder: Path, command: str) -> No
 
 @pytest.mark.parametrize("suffix", [x for x in SPLATS if x not in SCENES])  # a stage may hold light
 def test_a_capture_without_light(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / f"capture{suffix}"
+    path = tmp_path / f"my capture{suffix}"
     path.write_text("splats")
     assert cli.main(["render", str(path)]) == 2
-    said = f"{path}: splats, not a job; add --light sun, or write a job with: mirelight new {path}"
+    said = f"{path}: splats, not a job; add --light sun, or write a job with: mirelight new '{path}'"  # to be pasted
     assert capsys.readouterr().err == f"mirelight: {said}\n"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -118,7 +119,7 @@ def _text(path: Path) -> str:
         return raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as e:
         if path.suffix.lower() in SPLATS:
-            remedy = f"name a job file; mirelight new {path} writes one"
+            remedy = f"name a job file; mirelight new {shlex.quote(str(path))} writes one"
             raise InputError(path, "a capture or a mesh, not a job", remedy) from None
         line = raw[: e.start].count(b"\n") + 1
         raise InputError(f"{path}:{line}", "bytes that are not UTF-8", "save the job file as UTF-8 text") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
@@ -24,6 +25,7 @@ class Draws:
 
     Raises:
         InputError: every lighting of the job is off, which leaves nothing to draw.
+        ValueError: `count` or `stops` below 0, or `lit` outside 0 to 1.
     """
 
     data: DataSet
@@ -33,6 +35,9 @@ class Draws:
     stops: float = 2.0
 
     def __post_init__(self) -> None:
+        if not (self.count >= 0 and 0 <= self.lit <= 1 and self.stops >= 0):
+            found = f"count {self.count}, lit {self.lit:g}, stops {self.stops:g}"
+            raise ValueError(f"{found}; give a count and stops of at least 0, and a share lit of 0 to 1")
         if not self.data.strongest.any():
             raise InputError(self.data.folder, "no lighting with any light", "give one an intensity above 0")
 
@@ -81,7 +86,12 @@ def split(data: DataSet, by: HeldOut, held_out: float = 0.2, seed: int = 0) -> S
         by: what is held out.
         held_out: the share of names, 0 to 1, in the mean of many.
         seed: another seed, another choice.
+
+    Raises:
+        ValueError: another `by`, or a share outside 0 to 1.
     """
+    if by not in get_args(HeldOut) or not 0 <= held_out <= 1:
+        raise ValueError(f"{by!r}, {held_out:g}; give one of {', '.join(get_args(HeldOut))}, and a share of 0 to 1")
     cameras = _held([x.name for x in data.cameras], "camera", held_out if by != "lighting" else 0, seed)
     lightings = _held(data.lightings, "lighting", held_out if by != "camera" else 0, seed)
     parts: dict[tuple[bool, bool], list[int]] = {(a, b): [] for a in (False, True) for b in (False, True)}

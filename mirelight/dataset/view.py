@@ -252,7 +252,9 @@ class DataSet:
         weights = np.asarray(lighting, dtype=np.float32)
         weights = np.repeat(weights[:, None], 3, axis=1) if weights.ndim == 1 else weights
         if weights.shape != (len(self.lights), 3) or not (weights >= 0).all():
-            raise ValueError(f"weights of shape {weights.shape}, expected {(len(self.lights), 3)}, 0 or more")
+            names = ", ".join(x.name for x in self.lights)
+            wanted = f"give {len(self.lights)} numbers or colours, 0 or more, for {names}"
+            raise ValueError(f"weights of shape {np.shape(lighting)}, or one below 0; {wanted}")
         used = np.flatnonzero(weights.any(axis=1))
         for arrangement in range(len(self._index.arrangements)):
             if np.isin(used, self.lights_in(arrangement)).all():

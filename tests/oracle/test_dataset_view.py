@@ -446,6 +446,16 @@ def test_splits_are_four_parts_by_names(folders: tuple[Path, Path]) -> None:
     assert {len(x.novel_both) for x in seeds} > {0, 1}
     assert not split(view, "camera", 0.5).novel_light and not split(view, "lighting", 0.5).novel_view
     assert split(view, "both", 0.0).seen == tuple(range(6))
+    with pytest.raises(ValueError, match=r"'cameras', 0\.5; give one of camera, lighting, both"):
+        split(view, "cameras", 0.5)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="a share of 0 to 1"):
+        split(view, "camera", 30)
+
+
+@pytest.mark.parametrize("wrong", [{"count": -1}, {"lit": 2}, {"lit": np.nan}, {"stops": -1}])
+def test_draws_of_no_sense(folders: tuple[Path, Path], wrong: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="give a count and stops of at least 0, and a share lit of 0 to 1"):
+        Draws(dataset.open(folders[1]), **({"count": 3} | wrong))  # type: ignore[arg-type]
 
 
 # --- export ----------------------------------------------------------------------------------------------------------

@@ -265,6 +265,7 @@ def check_lenses(cameras: Sequence[Camera], shared: Shared, *, square: bool = Fa
     Raises:
         InputError: names the first such camera, and in what it differs.
     """
+    remedy = "the layout has one centred angle of view; render such cameras apart, or use the layout colmap"
     for camera in cameras:
         first = cameras[0]
         if camera.cx != camera.width / 2 or camera.cy != camera.height / 2:
@@ -273,6 +274,7 @@ def check_lenses(cameras: Sequence[Camera], shared: Shared, *, square: bool = Fa
             found = "has different focal lengths along x and y"
         elif square and camera.width != camera.height:
             found = f"is {camera.width} x {camera.height} pixels, and the layout's loaders take square ones alone"
+            remedy = "render them with resolution = [512, 512], or any other square, or use the layout colmap"
         elif (
             abs(camera.fx * first.width - first.fx * camera.width) > SAME * first.fx * camera.width
             or camera.width * first.height != camera.height * first.width
@@ -280,7 +282,6 @@ def check_lenses(cameras: Sequence[Camera], shared: Shared, *, square: bool = Fa
             found = f"has another field of view than {first.name!r}"
         else:
             continue
-        remedy = "the layout has one centred angle of view; render such cameras apart, or use the layout colmap"
         raise InputError(shared.source, f"camera {camera.name!r} {found}", remedy)
 
 

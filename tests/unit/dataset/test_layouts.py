@@ -167,7 +167,7 @@ def test_lenses_that_one_angle_cannot_say(layout: Layout, change: dict[str, Any]
 
 
 def test_layouts_of_square_pictures() -> None:
-    with pytest.raises(InputError, match=r"camera 'orbit\.0001' is 32 x 24 pixels"):
+    with pytest.raises(InputError, match=r"camera 'orbit\.0001' is 32 x 24 pixels.*; render them with resolution"):
         WRITERS["tensoir"].check(cameras(), Shared())
 
 

@@ -29,7 +29,7 @@ from mirelight.model import (
 from mirelight.pipeline.frame_diagnostics import MOST_GAP, MOST_UNCOVERED, Finding
 from mirelight.proxy import ProxyQuality, ProxySettings, judge, mesh_of
 from mirelight.proxy.advice import UNEXPLAINED
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.views import rays
 
 MOST_CAMERAS = 24  # looked through, spread evenly over the job's
@@ -93,7 +93,7 @@ def _idle_cameras(cameras: Sequence[Camera], mesh: ProxyMesh | None, splats: Spl
 def _misfits(quality: ProxyQuality, *, own: bool) -> list[Finding]:
     """Of the whole where the mesh misfits everywhere, else of the views in which it does; `own`: it was made of the
     splats."""
-    wrong = quality.uncovered > MOST_UNCOVERED or quality.leaks > TUNING.advice_leaks
+    wrong = quality.uncovered > MOST_UNCOVERED or quality.leaks > MESH.advice_leaks
     if quality.advice:
         *what, remedy = quality.advice
         if remedy == UNEXPLAINED:

@@ -11,8 +11,8 @@ import numpy as np
 from mirelight.base import conventions
 from mirelight.model import F64, ProxyMesh
 from mirelight.proxy.capture import Capture
+from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.sampling import spread
-from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Agreement, Int
 from mirelight.proxy.views import turned
 
@@ -43,16 +43,16 @@ def advice_on(capture: Capture, mesh: ProxyMesh, figures: Figures) -> tuple[str,
     """Sentences for a mesh with such figures, in the capture's space; none where it fits."""
     wrong = []
     uncovered, gap, leaks = figures.uncovered, figures.gap, figures.leaks
-    if not uncovered <= TUNING.advice_uncovered:
+    if not uncovered <= MESH.advice_uncovered:
         wrong.append(f"{uncovered:.0%} of the splats' pixels are off the proxy, where right ones leave 3 to 13 %")
     size = 2 * capture.radius
-    if gap > max(TUNING.advice_gap * size, (0.5 if capture.surfels else 1.25) * capture.spacing):
+    if gap > max(MESH.advice_gap * size, (0.5 if capture.surfels else 1.25) * capture.spacing):
         wrong.append(f"the proxy lies {gap:.3g} units ({gap / size:.1%} of the size) from the splats' surface")
-    if leaks > TUNING.advice_leaks:
+    if leaks > MESH.advice_leaks:
         wrong.append(f"{leaks:.0%} of the proxy's pixels show no splats")
-    if figures.wavy > TUNING.advice_waves:
+    if figures.wavy > MESH.advice_waves:
         wrong.append(f"it waves: half of it is {figures.wavy:.0f}° and more off the planes that the splats show")
-    if figures.pictures.apart > TUNING.advice_apart * figures.pictures.splats_apart + TUNING.advice_least_apart * size:
+    if figures.pictures.apart > MESH.advice_apart * figures.pictures.splats_apart + MESH.advice_least_apart * size:
         wrong.append(
             f"the capture's pictures agree best {figures.pictures.apart / size:.1%} of the size off it "
             f"({figures.pictures.splats_apart / size:.1%} off the splats' own surface)"
@@ -65,8 +65,8 @@ def advice_on(capture: Capture, mesh: ProxyMesh, figures: Figures) -> tuple[str,
 def _on_floaters(capture: Capture, mesh: ProxyMesh) -> Iterator[str]:
     """A sentence where most splats lie far off a mesh that looks right."""
     floating = _floating(capture, mesh)
-    if floating > TUNING.advice_floating:
-        many = f"{floating:.0%} of the splats float more than {TUNING.advice_float:.0%} of the size off it"
+    if floating > MESH.advice_floating:
+        many = f"{floating:.0%} of the splats float more than {MESH.advice_float:.0%} of the size off it"
         yield f"{many}; take them out in an editor of splats, as they are lit like what lies behind them"
 
 
@@ -77,15 +77,15 @@ def _floating(capture: Capture, mesh: ProxyMesh) -> float:
     if not len(mesh.faces):
         return 0.0
     own = _some(capture)
-    surface = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), TUNING.advice_surface)
-    far = cKDTree(surface).query(own, distance_upper_bound=2 * TUNING.advice_float * capture.radius)[0]
+    surface = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), MESH.advice_surface)
+    far = cKDTree(surface).query(own, distance_upper_bound=2 * MESH.advice_float * capture.radius)[0]
     return float(np.isinf(far).mean())
 
 
 def _some(capture: Capture) -> F64:
     """(N, 3) where some of the splats are, evenly taken."""
     means = capture.splats.means
-    return np.asarray(means[:: max(len(means) // TUNING.advice_points, 1)].astype(np.float64))
+    return np.asarray(means[:: max(len(means) // MESH.advice_points, 1)].astype(np.float64))
 
 
 def _explained(capture: Capture, mesh: ProxyMesh) -> str | None:
@@ -105,7 +105,7 @@ def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
 
     own = _some(capture)
     tree = cKDTree(own)
-    on_mesh = spread(vertices, faces, TUNING.advice_points)
+    on_mesh = spread(vertices, faces, MESH.advice_points)
 
     def distance(points: F64, most: float = math.inf) -> float:
         """Infinity where it is `most` or more."""
@@ -121,7 +121,7 @@ def _best(capture: Capture, vertices: F64, faces: Int) -> _Guess | None:
     floor = distance(own[::2]) + 0.01 * capture.radius  # points of the same surface lie that far apart anyway
     best: tuple[float, _Guess] | None = None
     for guess in _guesses(on_mesh, capture.middle, own):
-        most = min(TUNING.advice_better * now, 3 * floor, math.inf if best is None else best[0])
+        most = min(MESH.advice_better * now, 3 * floor, math.inf if best is None else best[0])
         found = distance(turned(on_mesh, guess.pose[:3, :3]) + guess.pose[:3, 3], most / guess.cost) * guess.cost
         if found < most:
             best = found, guess

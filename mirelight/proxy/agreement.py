@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mirelight.compositor import Compositor
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera
+from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Agreement
 from mirelight.proxy.views import rays, turned
@@ -43,7 +44,7 @@ def agreement(compositor: Compositor, cameras: Sequence[Camera], sight: Sight, s
         size: of the capture, world units.
     """
     some = [_small(x) for x in cameras if x.projection == "perspective"]
-    if len(some) <= TUNING.agree_beside:
+    if len(some) <= MESH.agree_beside:
         return Agreement()
     known = dict[int, tuple[_View, _View]]()
 
@@ -57,7 +58,7 @@ def agreement(compositor: Compositor, cameras: Sequence[Camera], sight: Sight, s
     for which in (0, 1):
         found = [_compared(one[which], [x[which] for x in others], size) for one, others in pairs]
         here, best, away = (np.concatenate(x) for x in zip(*found, strict=True))
-        if len(best) < TUNING.agree_fewest:
+        if len(best) < MESH.agree_fewest:
             return Agreement()
         told.append((float(here.sum() / best.sum()), float(away.mean()) * size))
     return Agreement(*told[0], told[1][1])
@@ -68,12 +69,12 @@ def _neighbours(cameras: Sequence[Camera]) -> list[tuple[int, list[int]]]:
     at = np.stack([x.position for x in cameras])
     ahead = np.stack([-x.world_from_camera[:3, 2] for x in cameras])
     out = []
-    for i in range(0, len(cameras), -(-len(cameras) // TUNING.agree_views)):
+    for i in range(0, len(cameras), -(-len(cameras) // MESH.agree_views)):
         apart = np.linalg.norm(at - at[i], axis=1) * (
-            1 + TUNING.agree_ahead * (1 - turned(ahead, ahead[i : i + 1])[:, 0])
+            1 + MESH.agree_ahead * (1 - turned(ahead, ahead[i : i + 1])[:, 0])
         )
         apart[apart == 0] = np.inf  # itself, and others in its place: these see no depth
-        out.append((i, [int(j) for j in np.argsort(apart, kind="stable")[: TUNING.agree_beside]]))
+        out.append((i, [int(j) for j in np.argsort(apart, kind="stable")[: MESH.agree_beside]]))
     return out
 
 
@@ -97,19 +98,19 @@ def _compared(view: _View, others: Sequence[_View], size: float) -> tuple[F64, F
     there = view.shows & np.isfinite(view.depth)
     reach = np.where(there, view.depth, 0.0)
     along = 1 / np.linalg.norm(directions, axis=-1)
-    total, weight = np.zeros((2, len(TUNING.agree_steps), *reach.shape))
-    for k, step in enumerate(TUNING.agree_steps):
+    total, weight = np.zeros((2, len(MESH.agree_steps), *reach.shape))
+    for k, step in enumerate(MESH.agree_steps):
         points = origins + directions * (reach + step * size * along)[..., None]
         for other in others:
-            value, seen = _taken(other, points, (TUNING.agree_hidden + abs(step)) * size)
+            value, seen = _taken(other, points, (MESH.agree_hidden + abs(step)) * size)
             alike, tells = _correlation(view.gray, value, there & seen)
             total[k] += np.where(tells, alike, 0)
             weight[k] += tells
     mean = total / np.maximum(weight, 1)
     best, worst = mean.max(axis=0), mean.min(axis=0)
-    told = (weight > 0).all(axis=0) & (best > TUNING.agree_clear) & (best - worst > TUNING.agree_peak)
-    away = np.abs(np.array(TUNING.agree_steps))[mean.argmax(axis=0)]
-    return mean[TUNING.agree_steps.index(0.0)][told], best[told], away[told]
+    told = (weight > 0).all(axis=0) & (best > MESH.agree_clear) & (best - worst > MESH.agree_peak)
+    away = np.abs(np.array(MESH.agree_steps))[mean.argmax(axis=0)]
+    return mean[MESH.agree_steps.index(0.0)][told], best[told], away[told]
 
 
 def _taken(view: _View, points: F64, slack: float) -> tuple[F64, Bool]:
@@ -133,19 +134,19 @@ def _correlation(a: F64, b: F64, there: Bool) -> tuple[F64, Bool]:
     """(H, W) normalized cross-correlation of windows, of what is there; and where it tells something."""
     from scipy.ndimage import uniform_filter
 
-    count = uniform_filter(there.astype(np.float64), TUNING.agree_window, mode="constant")
+    count = uniform_filter(there.astype(np.float64), MESH.agree_window, mode="constant")
 
     def mean(x: F64) -> F64:
         return np.asarray(
-            uniform_filter(np.where(there, x, 0.0), TUNING.agree_window, mode="constant") / np.maximum(count, 1e-6)
+            uniform_filter(np.where(there, x, 0.0), MESH.agree_window, mode="constant") / np.maximum(count, 1e-6)
         )
 
     mean_a, mean_b = mean(a), mean(b)
     spread_a, spread_b = mean(a * a) - mean_a**2, mean(b * b) - mean_b**2
-    least = TUNING.agree_contrast**2
+    least = MESH.agree_contrast**2
     alike = (mean(a * b) - mean_a * mean_b) / np.sqrt(np.maximum(spread_a, least) * np.maximum(spread_b, least))
-    return np.clip(alike, -1, 1), there & (count > TUNING.agree_whole) & (spread_a > least)
+    return np.clip(alike, -1, 1), there & (count > MESH.agree_whole) & (spread_a > least)
 
 
 def _small(camera: Camera) -> Camera:
-    return camera.scaled(min(TUNING.agree_pixels / max(camera.width, camera.height), 1.0))
+    return camera.scaled(min(MESH.agree_pixels / max(camera.width, camera.height), 1.0))

@@ -19,21 +19,26 @@ from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import corners_of
 
 
-def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float) -> list[Flat]:
+def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float, up: F64 | None = None) -> list[Flat]:
     """The planes, the ground among them with all cells that views do not surely see through.
 
     Args:
         flats: the planes of what views see, largest first.
         views: maps of a capture with a sky.
         tolerance: how far what lies on a plane may be from it, world units.
+        up: (3,) unit: the ground is the largest plane that faces it; None: not known, it is the largest of all.
     """
-    if not flats or not _is_ground(flats[0], views, tolerance):
+    level = list(range(len(flats)))[:1]
+    if up is not None:  # houses along a street have nothing behind them, either
+        level = [k for k, flat in enumerate(flats) if abs(float(flat.normal @ up)) > TUNING.ground_upright]
+    if not level or not _is_ground(flats[level[0]], views, tolerance):
         return list(flats)
-    ground = flats[0]
+    at = level[0]
+    ground = flats[at]
     held, through, seen = votes(ground, views, tolerance)
     hole = (through > held) & (through > TUNING.fog * seen)
     whole = replace(ground, there=ground.there | ~hole)
-    return [replace(whole, lift=_lift(whole, views, tolerance)), *flats[1:]]
+    return [*flats[:at], replace(whole, lift=_lift(whole, views, tolerance)), *flats[at + 1 :]]
 
 
 def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMap], tolerance: float) -> Flat:

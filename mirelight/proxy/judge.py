@@ -18,6 +18,7 @@ from mirelight.proxy.agreement import agreement
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.depth import DepthMap, DepthMaps
 from mirelight.proxy.flats import flats_of
+from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxyQuality, ProxySettings, ViewQuality
@@ -66,7 +67,7 @@ def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
     A room from around shows the backs of its walls.
     """
-    return tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // TUNING.judge_views)])
+    return tuple(_small(camera) for camera in cameras[:: -(-len(cameras) // MESH.judge_views)])
 
 
 def judged(
@@ -79,7 +80,7 @@ def judged(
 ) -> ProxyQuality:
     """As :func:`judge`, of a capture that is known, everything in its space."""
     chosen = (
-        around(capture.splats.means, capture.radius, TUNING.judge_views, TUNING.judge_pixels)
+        around(capture.splats.means, capture.radius, MESH.judge_views, MESH.judge_pixels)
         if cameras is None
         else cameras
     )
@@ -88,7 +89,7 @@ def judged(
     views = [maps.of(camera) for camera in chosen]
     normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
     seen = [_compared(compositor.composite(x.camera, depth=False), x, sight, normals) for x in views]
-    some = slice(None, None, -(-len(views) // TUNING.judge_waves))
+    some = slice(None, None, -(-len(views) // MESH.judge_waves))
     waves = _waves([slanted(x, capture.spacing) for x in views[some]], seen[some], capture)
     wavy, wavy_high = _quantiles(waves, (0.5, 0.9))
     pictures = agreement(compositor, captured, sight, 2 * capture.radius)
@@ -139,7 +140,7 @@ class _Compared:
 
     @property
     def leaked(self) -> int:
-        return int(((self.alpha < TUNING.judge_empty) & self.on_mesh).sum())
+        return int(((self.alpha < MESH.judge_empty) & self.on_mesh).sum())
 
     @property
     def hit(self) -> int:
@@ -168,7 +169,7 @@ class _Compared:
         out = out * (1 - off) + off * (1.0, 0.85, 0.1)
         missed = self.surface & ~self.on_mesh
         out[missed] = 0.25 * out[missed] + 0.75 * np.array((1.0, 0.1, 0.05))
-        out[(self.alpha < TUNING.judge_empty) & self.on_mesh] = (0.15, 0.35, 1.0)
+        out[(self.alpha < MESH.judge_empty) & self.on_mesh] = (0.15, 0.35, 1.0)
         return np.rint(np.clip(out, 0, 1) * 255).astype(np.uint8)
 
 
@@ -184,7 +185,7 @@ def _compared(layer: SplatLayer, view: DepthMap, sight: Sight, normals: F64) -> 
     gap = np.where(both, (view.depth - depth) * long, np.nan)
     normal = np.zeros(directions.shape)
     normal[on_mesh] = normals[face[face >= 0]]
-    surface = (layer.transmittance < 1 - TUNING.depth_opaque) & (view.trust > TUNING.judge_sure)
+    surface = (layer.transmittance < 1 - TUNING.depth_opaque) & (view.trust > MESH.judge_sure)
     return _Compared(1 - layer.transmittance, layer.color.mean(axis=-1), surface, on_mesh, normal, gap)
 
 
@@ -193,10 +194,10 @@ def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Captur
     out = []
     places = [origins + ways * x.depth[..., None] for x in views for origins, ways in [rays(x.camera)]]
     left = [
-        own.on_mesh & (x.depth > 0) & (np.abs(own.gap) < TUNING.judge_near * capture.spacing)
+        own.on_mesh & (x.depth > 0) & (np.abs(own.gap) < MESH.judge_near * capture.spacing)
         for x, own in zip(views, seen, strict=True)
     ]
-    least = TUNING.judge_large * sum(int(x.sum()) for x in left)
+    least = MESH.judge_large * sum(int(x.sum()) for x in left)
     for flat in flats_of(views, capture.spacing, capture.radius):
         normals, points = [], []
         for free, place, own in zip(left, places, seen, strict=True):
@@ -214,12 +215,12 @@ def _waves(views: Sequence[DepthMap], seen: Sequence[_Compared], capture: Captur
 def _is_bent(points: F64, normal: F64, spacing: float) -> bool:
     """Whether points (P, 3) beside a plane lie on the cap of something round: then their distances from the plane bend
     as a whole, where those of an uneven plane go up and down."""
-    if len(points) < TUNING.judge_fewest:
+    if len(points) < MESH.judge_fewest:
         return True
     x, y, off = ((points - points.mean(axis=0)) @ conventions.frame_around(normal[None])[0].T).T
     bent = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     rest = off - bent @ np.linalg.lstsq(bent, off, rcond=None)[0]
-    return bool(off.std() > TUNING.judge_even * spacing and rest.var() < TUNING.judge_bent * off.var())
+    return bool(off.std() > MESH.judge_even * spacing and rest.var() < MESH.judge_bent * off.var())
 
 
 def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:
@@ -231,7 +232,7 @@ def _quantiles(values: F64, shares: tuple[float, float]) -> tuple[float, float]:
 def _small(camera: Camera) -> Camera:
     """The camera with its own pixels, but along the longer side no fewer and no more than are looked at."""
     longer = max(camera.width, camera.height)
-    return camera.scaled(min(max(longer, TUNING.view_least_pixels), TUNING.judge_pixels) / longer)
+    return camera.scaled(min(max(longer, TUNING.view_least_pixels), MESH.judge_pixels) / longer)
 
 
 def _sheet(pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

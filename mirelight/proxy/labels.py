@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,19 @@ from mirelight.proxy.flats import Flat
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import dot, length, rays
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sky:
+    """What views show beside surfaces: fog, above the horizon most of all."""
+
+    fog: float  # the trust below which pixels show no surface, see :func:`fog_of`; 0: no sky
+    up: F64 | None = None  # (3,) unit; None: not known
+
+    def least(self, directions: F64) -> F32:
+        """(H, W) that trust for pixels that look along directions (H, W, 3)."""
+        rising = np.zeros(directions.shape[:2], bool) if self.up is None else dot(directions, self.up) > 0
+        return np.where(rising, TUNING.sky_rising * self.fog, self.fog).astype(np.float32)
 
 
 def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
@@ -38,9 +51,9 @@ def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
     return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
 
 
-def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: float) -> DepthMap:
-    """The view with the pixels that lie on planes moved onto them; they count in full. Others of less trust than `fog`
-    show no surface."""
+def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky) -> DepthMap:
+    """The view with the pixels that lie on planes moved onto them; they count in full. Others show no surface where
+    there is less trust in them than in a sky's fog."""
     from scipy.ndimage import binary_fill_holes
 
     _, directions = rays(view.camera)
@@ -48,13 +61,14 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, fog: floa
     label = _labels(view, flats, depths, tolerance)
     solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
+    shown = trust >= sky.least(directions)
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid
         depth[on] = depths[k][on]
         side = -np.sign(dot(directions[on], flat.normal))
         normal[on] = side[:, None] * flat.normal
-        trust[on] = 1
-    return replace(view, depth=np.where(trust < fog, np.float32(0), depth), normal=normal, trust=trust)
+        trust[on], shown[on] = 1, True
+    return replace(view, depth=np.where(shown, depth, np.float32(0)), normal=normal, trust=trust)
 
 
 def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
@@ -79,11 +93,14 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
     costs = []
     for flat, depth in zip(flats, depths, strict=True):
         aslant = np.abs(dot(directions, flat.normal)).astype(np.float32)
-        off = np.abs(depth - view.depth) * aslant
+        before = (depth - view.depth) * aslant / reach
         aside = 1 - np.abs(dot(view.normal, flat.normal.astype(np.float32)))
         turned = aside / np.float32(TUNING.label_turned)
-        cost = np.minimum((off / reach) ** 2, 1) + np.float32(0.6) * np.minimum(turned, 1)
+        cost = np.minimum(before**2, 1) + np.float32(0.6) * np.minimum(turned, 1)
         unsure = np.float32(0.15) + np.float32(0.5) * np.minimum(cost, 1)
+        # things do not blend with what lies behind them; of fog, nobody knows how far before a plane it hangs
+        thing = np.minimum(trust / np.float32(TUNING.fog), 1)
+        unsure += thing * np.clip(before - np.float32(TUNING.label_before), 0, 1)
         cost = np.where(there, trust * cost + (1 - trust) * unsure, np.float32(0.5))
         costs.append(np.where(depth > 0, cost, np.float32(TUNING.label_out)))
     free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)

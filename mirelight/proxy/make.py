@@ -13,7 +13,7 @@ import numpy as np
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.base.together import each
-from mirelight.model import Camera, SplatCloud
+from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
@@ -25,7 +25,7 @@ from mirelight.proxy.ground import carried_on, closer
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
-from mirelight.proxy.labels import flattened, fog_of
+from mirelight.proxy.labels import Sky, flattened, fog_of
 from mirelight.proxy.lids import closed_by, covered, lids_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.openings import opened, windows_of
@@ -35,7 +35,7 @@ from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
-from mirelight.proxy.views import around, fewer, from_points, moved
+from mirelight.proxy.views import around, fewer, from_points, held_up, moved
 
 _DEFAULT = ProxySettings()
 
@@ -99,8 +99,8 @@ def make(
         views = each(partial(slanted, noise=capture.spacing), views)
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.4, 0.55), guessed=not cameras)
-        found = _fused(capture, views, part(report, 0.55, 0.75))
-        soup, shown = found.soup, [] if found.fog else found.views
+        found = _fused(capture, views, held_up(cameras), part(report, 0.55, 0.75))
+        soup, shown = found.soup, [] if found.sky.fog else found.views
         if there and (core := core_of(capture, there)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
     if not len(soup.faces):
@@ -149,11 +149,11 @@ class _Fused:
     soup: Soup
     views: list[DepthMap]  # as they were joined
     flats: list[Flat]
-    fog: float  # of a capture with a sky, of which views show more than surfaces; else 0
+    sky: Sky
 
 
-def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> _Fused:
-    """By smoothed depth maps, each point of the surface in some of them."""
+def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: ShareProgress) -> _Fused:
+    """By smoothed depth maps, each point of the surface in some of them; `up` (3,) unit, None: not known."""
     report("finding planes", 0.0)
     flats = flats_of(views, capture.spacing, capture.radius)
     windows = windows_of(views, flats, capture.spacing)
@@ -161,20 +161,20 @@ def _fused(capture: Capture, views: list[DepthMap], report: ShareProgress) -> _F
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
-    fog = fog_of(views, flats)
+    sky = Sky(fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)
-    if fog:
-        flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing)
-    views = each(lambda view: flattened(view, flats, TUNING.plane_tolerance * capture.spacing, fog), views)
+    if sky.fog:
+        flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
+    views = each(lambda view: flattened(view, flats, TUNING.plane_tolerance * capture.spacing, sky), views)
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8))
     report("finding the surface", 0.8)
     soup = _surface(grid, flats)
     for window in windows:
         soup = soup.beside(window.solid())
-    return _Fused(soup, views, flats, fog)
+    return _Fused(soup, views, flats, sky)
 
 
 def _surface(grid: Grid, flats: Sequence[Flat]) -> Soup:
@@ -200,7 +200,7 @@ def _detailed(
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
     flats = [*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more]
-    views = each(lambda view: flattened(view, flats, tolerance, found.fog), views)
+    views = each(lambda view: flattened(view, flats, tolerance, found.sky), views)
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     return with_core(found.soup, _surface(grid, flats), core, TUNING.cell * capture.spacing)
 

@@ -17,6 +17,7 @@ from mirelight.proxy.depth import DepthMap, DepthMaps
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import seen_by
 from mirelight.proxy.make import counted, refuse_strangers
+from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.sampling import spread_on
 from mirelight.proxy.sighted import Fit, sighted, small_step
 from mirelight.proxy.slanted import slanted
@@ -85,10 +86,10 @@ def _views(capture: Capture, cameras: Sequence[Camera], report: ShareProgress) -
         refuse_strangers(capture, there, "splats")
         views = [maps.of(camera) for camera in counted(seen_by(there), report)]
     else:
-        outer = around(capture.splats.means, capture.radius, TUNING.judge_views, TUNING.judge_pixels)
+        outer = around(capture.splats.means, capture.radius, MESH.judge_views, MESH.judge_pixels)
         views = [maps.of(camera) for camera in counted(outer, report)]
         if hidden_share(capture, views) > TUNING.inside_hidden:
-            inner = from_points(places(capture), TUNING.judge_pixels // 2, 1e-3 * capture.radius)
+            inner = from_points(places(capture), MESH.judge_pixels // 2, 1e-3 * capture.radius)
             views += [maps.of(camera) for camera in inner]
     return [slanted(view, capture.spacing) for view in views]
 
@@ -111,7 +112,7 @@ class _Misfit:
     """How far splats lie from a mesh, as a mean: off its planes, or past its rims."""
 
     def __init__(self, capture: Capture, normals: F64) -> None:
-        step = max(len(normals) // TUNING.register_splats, 1)
+        step = max(len(normals) // MESH.register_splats, 1)
         self.at, self.normals = capture.splats.means[::step].astype(np.float64), normals[::step]
         self._most = 0.1 * capture.radius
 
@@ -128,7 +129,7 @@ class _Misfit:
     def mesh(self, at: F64, faces: Int) -> float:
         """Mean misfit of a mesh to the splats."""
         return float(
-            self.of(spread_on(at, faces, TUNING.register_points)[0], float(triangles.areas(at[faces]).sum()))[1].mean()
+            self.of(spread_on(at, faces, MESH.register_points)[0], float(triangles.areas(at[faces]).sum()))[1].mean()
         )
 
 
@@ -143,12 +144,12 @@ def _aligned(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64)
     normals = triangles.vertex_normals(at, faces)
     error, less = (misfit.mesh(fit.of(at, normals), faces) for fit in (rigid, swollen))
     far = abs(swollen.swelling) * swollen.size > capture.spacing  # less is how splats lie about a surface
-    return swollen if far and less < (1 - TUNING.register_swollen) * error else rigid
+    return swollen if far and less < (1 - MESH.register_swollen) * error else rigid
 
 
 def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F64, *, swells: bool) -> Fit:
     """The best fit on the way down from a guess."""
-    points, face = spread_on(at, faces, TUNING.register_points)
+    points, face = spread_on(at, faces, MESH.register_points)
     normals = triangles.crossed(at[faces])[face]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     area = float(triangles.areas(at[faces]).sum())
@@ -160,12 +161,12 @@ def _descended(capture: Capture, misfit: _Misfit, at: F64, faces: Int, start: F6
     best = now = Fit(start)
     p, facing, off, error = apart(now)
     least = error
-    for _ in range(TUNING.register_steps):
+    for _ in range(MESH.register_steps):
         reach = max(2 * float(np.median(off)), 0.5 * capture.spacing)
         weight = 1 / (1 + (off / reach) ** 2) ** 2
         now = now.then(*small_step(p, facing if swells else 0 * facing, misfit.at, misfit.normals, weight))
         p, facing, off, error = apart(now)
-        if error > least * (1 - TUNING.register_enough):
+        if error > least * (1 - MESH.register_enough):
             break
         best, least = now, error
     return best
@@ -179,21 +180,21 @@ def _settled(capture: Capture, normals: F64, v: F64, f: Int, misfit: _Misfit, re
     """
     from scipy.spatial import cKDTree
 
-    best, least = v, (1 - TUNING.register_gain) * misfit.mesh(v, f)
+    best, least = v, (1 - MESH.register_gain) * misfit.mesh(v, f)
     q = capture.splats.means.astype(np.float64)
     tree, weight = cKDTree(q), capture.splats.opacities.astype(np.float64)
     for k, reach in enumerate(
-        np.geomspace(TUNING.register_widest, TUNING.register_narrowest, TUNING.register_rounds) * capture.spacing
+        np.geomspace(MESH.register_widest, MESH.register_narrowest, MESH.register_rounds) * capture.spacing
     ):
-        report("moving vertices onto the splats", k / TUNING.register_rounds)
+        report("moving vertices onto the splats", k / MESH.register_rounds)
         own = triangles.vertex_normals(v, f)
-        distance, index = tree.query(v, k=min(TUNING.register_planes, len(q)), workers=-1)
+        distance, index = tree.query(v, k=min(MESH.register_planes, len(q)), workers=-1)
         n, step = normals[index], q[index] - v[:, None]
         agree = np.abs(np.einsum("vki,vi->vk", n, own)) ** 4
         w = weight[index] * agree * np.exp(-0.5 * (distance / reach) ** 2)
         total = w.sum(axis=1)
         height = (n * step).sum(axis=2)
-        stays = (TUNING.register_stay * total + 1e-9)[:, None, None] * np.eye(3)
+        stays = (MESH.register_stay * total + 1e-9)[:, None, None] * np.eye(3)
         matrix = np.einsum("vk,vki,vkj->vij", w, n, n) + stays
         move = np.linalg.solve(matrix, np.einsum("vk,vki,vk->vi", w, n, height)[..., None])[..., 0]
         length = np.linalg.norm(move, axis=1)
@@ -216,6 +217,6 @@ def _shared(move: F64, sure: F64, f: Int) -> F64:
     degree = np.maximum(np.asarray(graph.sum(axis=1)).ravel(), 1)
     own = 4 * sure + 1e-6  # against the neighbours' mean
     out = move * sure[:, None]
-    for _ in range(TUNING.register_spread):
+    for _ in range(MESH.register_spread):
         out = (own[:, None] * move + (graph @ out) / degree[:, None]) / (own + 1)[:, None]
     return out

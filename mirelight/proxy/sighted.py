@@ -16,7 +16,7 @@ from mirelight.base.progress import ShareProgress
 from mirelight.lighting.sight import Sight
 from mirelight.model import F64, ProxyMesh, triangles
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import rays, turned
 
@@ -67,7 +67,7 @@ class _Rays:
 
     def __init__(self, views: Sequence[DepthMap], scale: float) -> None:
         seen = [view.depth > 0 for view in views]
-        step = max(sum(int(x.sum()) for x in seen) // TUNING.sighted_most_rays, 1)
+        step = max(sum(int(x.sum()) for x in seen) // MESH.sighted_most_rays, 1)
         starts, ways, depths, weights = [], [], [], []
         for view, there in zip(views, seen, strict=True):
             origins, directions = rays(view.camera)
@@ -103,14 +103,14 @@ def sighted(views: Sequence[DepthMap], at: F64, faces: Int, start: F64, spacing:
         spacing: of the capture's splats, world units.
         report: hears what is being done.
     """
-    looking = _Rays(views, TUNING.sighted_sharp * spacing)
+    looking = _Rays(views, MESH.sighted_sharp * spacing)
     normals = triangles.vertex_normals(at, faces)
     best = Fit(start)
     least = looking.of(best.of(at, normals), faces).misfit
     for k, unknowns in enumerate(_WAYS):
         report("aligning the mesh", k / len(_WAYS))
-        found, misfit = _descended(looking, at, normals, faces, Fit(start), unknowns, TUNING.sighted_sharp * spacing)
-        if misfit < (1 - TUNING.sighted_better) * least:
+        found, misfit = _descended(looking, at, normals, faces, Fit(start), unknowns, MESH.sighted_sharp * spacing)
+        if misfit < (1 - MESH.sighted_better) * least:
             best, least = found, misfit
     return best
 
@@ -121,7 +121,7 @@ def _descended(
     """The best on the way down from a start, and its misfit: what is far off counts less and less."""
     best = now = start
     least, wide = np.inf, np.inf
-    for k in range(TUNING.sighted_rounds):
+    for k in range(MESH.sighted_rounds):
         seen = looking.of(now.of(at, normals), faces)
         if seen.misfit < least:
             best, least = now, seen.misfit

@@ -57,6 +57,15 @@ def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
     )
 
 
+def held_up(cameras: Sequence[Camera]) -> F64 | None:
+    """(3,) unit: which way is up for most cameras; None where they are held in all ways, or there are none."""
+    if not cameras:
+        return None
+    mean = np.mean([camera.world_from_camera[:3, 1] for camera in cameras], axis=0)
+    long = float(np.linalg.norm(mean))
+    return mean / long if long > TUNING.view_upright else None
+
+
 def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
     """Of a capture's cameras at most `view_most` of `TUNING`, evenly taken, in pictures of at most `view_all_pixels`
     together.

@@ -170,6 +170,7 @@ PLANS = (
         shooting=replace(_LONGER, spp=32),
     ),
     _Plan("bust", "bust", "bust, trained", "soft boxes", ("low sun", "clouds", "lamp"), shooting=Shooting()),
+    _Plan("street", "street", "street, trained", "clouds", ("clear day", "low sun", "lanterns"), shooting=_LONGER),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -186,6 +187,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
     "bust": ((0.39, 0.58, 1.06), (0.0, 0.165, 0.0), 27),
     "hall": ((2.8, 1.55, 1.9), (-0.8, 1.35, -0.7), 52),
+    "street": ((4.6, 1.65, 1.4), (-1.5, 1.7, -0.9), 54),
     "park": ((2.3, 1.3, 2.4), (0.0, 0.55, 0.2), 46),
 }
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.mesh_tuning import MESH
 
-OF_TOYS = replace(TUNING, judge_views=4, judge_waves=1)
+OF_TOYS = replace(MESH, judge_views=4, judge_waves=1)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -18,5 +18,5 @@ def _judged_by_few_views(request: pytest.FixtureRequest) -> Iterator[None]:
     """In all modules but that which tests the judge."""
     with pytest.MonkeyPatch.context() as patch:
         if not request.module.__name__.endswith("test_judge"):
-            patch.setattr(importlib.import_module("mirelight.proxy.judge"), "TUNING", OF_TOYS)
+            patch.setattr(importlib.import_module("mirelight.proxy.judge"), "MESH", OF_TOYS)
         yield

@@ -10,8 +10,9 @@ import pytest
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Points, flats_of, turned_outwards
-from mirelight.proxy.labels import flattened, fog_of
+from mirelight.proxy.labels import Sky, flattened, fog_of
 from mirelight.proxy.squared import squared
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 
 SPACING = 0.05
@@ -45,9 +46,9 @@ def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:
     sky = replace(seen, trust=np.where(left, 0.01, seen.trust).astype(np.float32), spread=seen.depth * left)
     fog = fog_of([sky, seen])
     assert fog_of([seen]) == 0 < fog
-    np.testing.assert_array_equal(flattened(sky, [], SPACING, fog).depth, seen.depth * ~left)
+    np.testing.assert_array_equal(flattened(sky, [], SPACING, Sky(fog)).depth, seen.depth * ~left)
     (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
-    kept = np.abs(flattened(sky, [floor], SPACING, fog).depth - seen.depth)[10:-10, 10:40] < 0.02
+    kept = np.abs(flattened(sky, [floor], SPACING, Sky(fog)).depth - seen.depth)[10:-10, 10:40] < 0.02
     assert kept.mean() > 0.95
 
 
@@ -58,6 +59,28 @@ def test_what_hangs_before_a_plane_is_no_sky() -> None:
     unsure = replace(seen, trust=np.where(left, 0.01, seen.trust).astype(np.float32), depth=seen.depth - 0.8 * left)
     floor = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
     assert fog_of([unsure, seen], floor) == 0 < fog_of([unsure, seen])
+
+
+def test_a_thing_before_a_plane_is_not_on_it_though_little_tells_where_it_is() -> None:
+    """A parked car: paint without a pattern, which neighbouring views do not find. Fog before a wall blends with it."""
+    seen, thing = view(0.0), np.arange(160) < 40
+    (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
+    depth = np.where(thing, seen.depth - 0.8, seen.depth).astype("f4")
+    unsure = replace(seen, depth=depth, trust=np.where(thing, 0.2, seen.trust).astype("f4"))
+    inside = (slice(10, -10), slice(10, 30))
+    np.testing.assert_array_equal(flattened(unsure, [floor], SPACING, Sky(0.0)).depth[inside], depth[inside])
+    fog = replace(unsure, spread=(1.0 * thing).astype("f4"))
+    assert flattened(fog, [floor], SPACING, Sky(0.0)).depth[inside] == pytest.approx(seen.depth[inside], abs=0.02)
+
+
+def test_above_the_horizon_a_surface_needs_more_trust() -> None:
+    seen = view(0.0)
+    level = replace(seen, camera=Camera.look_at((0, 1.2, 2), (0, 1.2, 0), 160, 120, yfov=50))
+    half = replace(level, trust=np.full_like(seen.trust, 1.5 * TUNING.fog))
+    shown = flattened(half, [], SPACING, Sky(TUNING.fog, np.array([0.0, 1, 0]))).depth > 0
+    assert not shown[:59].any()
+    assert shown[61:].all()
+    assert (flattened(half, [], SPACING, Sky(TUNING.fog)).depth > 0).all()  # of which nobody knows what is up
 
 
 def tops(x: float) -> DepthMap:

@@ -11,7 +11,7 @@ from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import flats_of
 from mirelight.proxy.ground import carried_on, closer
-from mirelight.proxy.labels import flattened
+from mirelight.proxy.labels import Sky, flattened
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 
@@ -45,12 +45,21 @@ def test_ground_is_what_nothing_lies_below(beyond: float | None) -> None:
         return
     assert not plane.there.all()
     assert whole.there.all()
-    before, after = views[0], flattened(views[0], [whole], SPACING, TUNING.fog)
+    before, after = views[0], flattened(views[0], [whole], SPACING, Sky(TUNING.fog))
     origins, ways = rays(before.camera)
     true = -origins[..., 1] / ways[..., 1]
     over = whole.inside(origins + ways * true[..., None]) & (before.trust < 1)
     assert over.sum() > 1000
     assert np.quantile(np.abs(after.depth - true)[over], 0.95) < 1e-3
+
+
+def test_a_wall_along_a_street_is_no_ground_though_nothing_lies_behind_it() -> None:
+    views = [view(x, None) for x in (-1.0, 0.0, 1.0)]
+    plane = next(x for x in flats_of(views, SPACING, 10.0) if abs(x.offset) < 0.1)
+    wall = replace(plane, normal=np.array([0.0, 0, 1]), offset=-20.0, axes=np.eye(3)[:2])
+    kept, ground = carried_on([wall, plane], views, SPACING, np.array([0.0, 1, 0]))
+    assert kept is wall
+    assert ground.there.all()
 
 
 def test_a_lawn_lies_lower_than_the_paving_in_it() -> None:
@@ -59,7 +68,7 @@ def test_a_lawn_lies_lower_than_the_paving_in_it() -> None:
     views = [view(x, lower) for x in (-1.0, 0.0, 1.0)]
     paving = next(x for x in flats_of([view(x, None) for x in (-1.0, 0.0, 1.0)], spacing, 10.0) if abs(x.offset) < 0.1)
     (ground,) = carried_on([paving], views, spacing)
-    after = flattened(views[0], [ground], spacing, TUNING.fog)
+    after = flattened(views[0], [ground], spacing, Sky(TUNING.fog))
     origins, ways = rays(after.camera)
     at = origins + ways * after.depth[..., None]
     away = np.linalg.norm(at[..., [0, 2]], axis=-1)

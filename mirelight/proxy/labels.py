@@ -21,15 +21,17 @@ from mirelight.proxy.views import dot, length, rays
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sky:
-    """What views show beside surfaces: fog, above the horizon most of all."""
+    """What views show beside surfaces: fog, and above the horizon what is white most of all."""
 
     fog: float  # the trust below which pixels show no surface, see :func:`fog_of`; 0: no sky
     up: F64 | None = None  # (3,) unit; None: not known
 
-    def least(self, directions: F64) -> F32:
-        """(H, W) that trust for pixels that look along directions (H, W, 3)."""
-        rising = np.zeros(directions.shape[:2], bool) if self.up is None else dot(directions, self.up) > 0
-        return np.where(rising, TUNING.sky_rising * self.fog, self.fog).astype(np.float32)
+    def least(self, view: DepthMap, directions: F64) -> F32:
+        """(H, W) that trust for a view's pixels, which look along directions (H, W, 3)."""
+        white = np.zeros(view.depth.shape, bool)
+        if self.up is not None:
+            white = (view.color.min(axis=2) > TUNING.clipped) & (dot(directions, self.up) > 0)
+        return np.where(white, TUNING.sky_white * self.fog, self.fog).astype(np.float32)
 
 
 def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
@@ -61,7 +63,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky)
     label = _labels(view, flats, depths, tolerance)
     solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
-    shown = trust >= sky.least(directions)
+    shown = trust >= sky.least(view, directions)
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid
         depth[on] = depths[k][on]

@@ -79,7 +79,7 @@ class Tuning:
     sky_trust: float = 0.02  # of pixels that hang anywhere
     sky_share: float = 0.03  # of pixels, from which there is a sky: 0.17 with one, 0.0006 in a room, 0.005 in a yard
     fog: float = 0.1  # trust of pixels that are left out then: a third, off by 3 to 30 spacings in the median
-    sky_rising: float = 3.0  # times that above the horizon: what hangs there, at a street's end, shuts out low suns
+    sky_white: float = 3.0  # times that of what is white above the horizon: it hangs at a street's end
     # grounds that go on beneath a sky's fog (`ground`)
     ground_cameras: float = 0.95  # of the cameras, that stand before it
     ground_upright: float = 0.7  # cosine between its normal and what is up for the cameras

@@ -7,6 +7,7 @@ Captured without a sun, as people are told to, and relit by one. It is not shipp
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mirelight.base.conventions import unit
 from mirelight.model import Camera, Lighting, SpotLight
@@ -201,8 +202,7 @@ def _things() -> list[Part]:
         bevel=0.04,
     )
     box = boxes((-0.4, 0.75, -ROAD - 0.5), (0.5, 1.3, 0.45), "door red", bevel=0.05)
-    x = np.arange(-1.0, 2.1, 1.0)
-    posts = [tube([[a, 0.1, ROAD + 0.3], [a, 0.95, ROAD + 0.3]], 0.06, "iron", 10) for a in x]
+    posts = [tube([[x, 0.1, ROAD + 0.3], [x, 0.95, ROAD + 0.3]], 0.06, "iron", 10) for x in np.arange(-1.0, 2.1, 1.0)]
     return [awning, under, *tables, bins, box, *posts]
 
 
@@ -244,7 +244,7 @@ def _lit() -> Lighting:
 
 def _walk() -> list[Camera]:
     """Along both pavements, looking across; along the road, looking up and down it; from both ends."""
-    ways = []
+    ways: list[tuple[ArrayLike, ArrayLike]] = []
     for k in range(20):
         across = (1.05, 3.0, -1.35, 0.3)[k % 4], 0.1 * (k % 3)
         ahead = (4.0, -4.0)[k % 2], 0.2 * (k % 3), (-1.6, 1.2, 0.4)[k % 3]

@@ -73,13 +73,16 @@ def test_a_thing_before_a_plane_is_not_on_it_though_little_tells_where_it_is() -
     assert flattened(fog, [floor], SPACING, Sky(0.0)).depth[inside] == pytest.approx(seen.depth[inside], abs=0.02)
 
 
-def test_above_the_horizon_a_surface_needs_more_trust() -> None:
+def test_what_is_white_above_the_horizon_needs_more_trust() -> None:
     seen = view(0.0)
-    level = replace(seen, camera=Camera.look_at((0, 1.2, 2), (0, 1.2, 0), 160, 120, yfov=50))
-    half = replace(level, trust=np.full_like(seen.trust, 1.5 * TUNING.fog))
+    level = Camera.look_at((0, 1.2, 2), (0, 1.2, 0), 160, 120, yfov=50)
+    white = np.where(np.arange(160)[:, None] < 80, 1.0, np.array([0.3, 0.5, 0.8]))
+    color = np.broadcast_to(white, seen.color.shape).astype("f4")
+    half = replace(seen, camera=level, color=color, trust=np.full_like(seen.trust, 1.5 * TUNING.fog))
     shown = flattened(half, [], SPACING, Sky(TUNING.fog, np.array([0.0, 1, 0]))).depth > 0
-    assert not shown[:59].any()
+    assert not shown[:59, :80].any()
     assert shown[61:].all()
+    assert shown[:, 80:].all()
     assert (flattened(half, [], SPACING, Sky(TUNING.fog)).depth > 0).all()  # of which nobody knows what is up
 
 

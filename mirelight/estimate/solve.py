@@ -18,7 +18,7 @@ from mirelight.estimate.sun import Search
 from mirelight.estimate.transport import Places, places_of
 from mirelight.estimate.tuning import TUNING
 from mirelight.estimate.types import Confidence, Estimate
-from mirelight.estimate.which_sun import apart, best_of, settled, suns_by_half, telling, thinned
+from mirelight.estimate.which_sun import apart, best_of, settled, sun_share, suns_by_half, telling, thinned
 from mirelight.model import F64, Light, ProxyMesh, RenderSettings, SplatCloud, SplatLayer
 
 _LEAST_DISC = 0.53  # degrees, the sun's own
@@ -62,6 +62,8 @@ def estimate(
     suns = suns_by_half(halves, pairs, rng, edges)
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = best_of(places, every, suns, edges)
+    if sun_share(places, best) < TUNING.least_share:
+        best = fitted(places, every, None)
     found = [settled(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
     if len(shining):

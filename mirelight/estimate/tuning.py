@@ -169,6 +169,8 @@ class Tuning:
     agreed: int = 2
     least_gain: float = 0.004  # of the loss by a sun, below which there is none
     sure_gain: float = 0.001  # the same where shadows' edges surely tell one: of glossy things it explains 0.002
+    # of the light where it falls, that a sun brings: under clouds a proxy's bumps asked for 0.07; a yard's has 0.55
+    least_share: float = 0.15
     # degrees between the suns of both halves, up to which there is one, though its direction be a guess
     no_chance: float = 10.0
     searched: int = 1500  # places of each half that the sun is searched with

@@ -76,6 +76,16 @@ def best_of(places: Places, pairs: Pairs, suns: list[Sun | None], edges: Spoken)
     return found, dark.light.loss - found.light.loss
 
 
+def sun_share(places: Places, found: Found) -> float:
+    """Its sun's share of all light at the places that it lights, 0..1; 0 where it lights none, or there is none."""
+    if found.sun is None:
+        return 0.0
+    seen = beams_at(places, found.sun, NO_LAMPS)[:, 0]
+    rows = sun.lit(places, seen, found.sun.to_sun)
+    beam = float(seen[rows].sum()) * float(found.light.beams[0].mean())
+    return beam / max(float(found.at(places)[rows].sum()) / 3, 1e-12)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Agreed:
     """A sun where picture and proxy agree on light and shadow."""

@@ -21,6 +21,7 @@ from mirelight.model import F32, F64, ProxyMesh
 WALK = 8  # patches that what is told goes, at most
 STEPS = 256  # patches from one that is told of to the farthest that takes its colour
 NEAREST = 4  # vertices that tell the colour of one which no edges join to any splat
+OFF_PLANE = 32.0  # times as far counts what lies before or behind that one: a wall goes on as the wall, not as its kerb
 _DARKEST = 3e-3  # radiance per irradiance below which 1 / albedo would say nothing but that
 _NO_LIGHT = 1e-9  # irradiance that is added, so that radiance without light is not lost
 
@@ -68,7 +69,7 @@ class Filling:
     patches: Patches
     steps: Sequence[Int]  # along edges, from patches that are told of outwards: (E, 2) one that is reached, one known
     apart: Int  # (U,) vertices that no step reaches: behind what was seen, and islands
-    near: Int  # (U, NEAREST) the nearest that look the same way
+    near: Int  # (U, NEAREST) the nearest that look the same way, at one height along it sooner than beside
 
     @staticmethod
     def of(mesh: ProxyMesh, way: Int, told: Bool, size: float) -> Filling:
@@ -139,7 +140,8 @@ def _outwards(pairs: Int, known: Bool) -> Sequence[Int]:
 
 
 def _nearest(vertices: F32, way: Int, known: Bool) -> tuple[Int, Int]:
-    """(U,) vertices that are not known but look a way that known ones do; (U, NEAREST) the nearest of those."""
+    """(U,) vertices that are not known but look a way that known ones do; (U, NEAREST) the nearest of those, as far as
+    they lie in one plane."""
     from scipy.spatial import cKDTree
 
     apart, near = [np.zeros(0, np.int64)], [np.zeros((0, NEAREST), np.int64)]
@@ -147,7 +149,8 @@ def _nearest(vertices: F32, way: Int, known: Bool) -> tuple[Int, Int]:
         there, asked = np.flatnonzero(known & (way == k)), np.flatnonzero(~known & (way == k))
         if len(there) and len(asked):
             ranks = np.minimum(np.arange(NEAREST) + 1, len(there))
-            _, found = cKDTree(vertices[there]).query(vertices[asked], k=ranks, workers=-1)
+            scale = np.where(np.arange(3) == k // 2, np.float32(OFF_PLANE), np.float32(1))
+            _, found = cKDTree(vertices[there] * scale).query(vertices[asked] * scale, k=ranks, workers=-1)
             apart.append(asked)
             near.append(there[found])
     return np.concatenate(apart), np.concatenate(near)

@@ -423,6 +423,25 @@ def test_what_no_edge_joins_to_splats_looks_like_the_nearest_that_faces_the_same
     np.testing.assert_allclose(found.vertex_colors[island], np.tile(GREEN / 1.01, (island.sum(), 1)), rtol=0.01)
 
 
+def test_what_no_edge_joins_to_splats_goes_on_as_its_plane_does() -> None:
+    """A green kerb beside a red floor; where the floor goes on unseen, the kerb is nearer than what was seen of it."""
+    pieces = (
+        quad((-3, 0, 0.5), (1, 0, 0), (0, 0, -1), parts=4),
+        quad((-0.9, 0.1, 0.5), (0.2, 0, 0), (0, 0, -1), parts=4),
+    )
+    ground = joined(*pieces, quad((-0.6, 0, 0.5), (0.4, 0, 0), (0, 0, -1)))
+    rng = np.random.default_rng(4)
+    floor, kerb = (
+        rng.uniform(-0.5, 0.5, (3000, 3)) * [w, 0, 1] + [x, y, 0] for x, y, w in ((-2.5, 0, 1), (-0.8, 0.1, 0.2))
+    )
+    color = np.repeat([RED, GREEN], 3000, axis=0) / np.pi
+    splats = splats_on(np.concatenate([floor, kerb]), np.tile([0.0, 1, 0], (6000, 1)), color, 0.01)
+    found = colored_by(splats, ground, lit((0, -1, 0), 1), SETTINGS)
+    assert found.vertex_colors is not None
+    unseen = found.vertices[:, 0] > -0.65
+    np.testing.assert_allclose(found.vertex_colors[unseen], np.tile(RED / 1.01, (unseen.sum(), 1)), rtol=0.02)
+
+
 def test_dark_capture_tells_no_colour_but_stays_finite() -> None:
     gray = joined(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2)))
     at = np.zeros((10, 3))

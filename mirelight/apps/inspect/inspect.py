@@ -33,7 +33,7 @@ from mirelight.base.errors import InputError
 from mirelight.base.primaries import Chromaticities
 from mirelight.io.safety import existing, open_binary, read_bytes
 from mirelight.io.suffixes import GLTF, USD
-from mirelight.model import Inserted, Job, ProxyMesh, SplatCloud, camera_checks
+from mirelight.model import F32, F64, Inserted, Job, ProxyMesh, SplatCloud, camera_checks
 from mirelight.pipeline import peak
 
 _MESHES = (".obj", ".stl")  # and nothing else; other meshes' files may as well hold splats
@@ -174,6 +174,18 @@ def _far(*things: SplatCloud | ProxyMesh | None) -> tuple[str, ...]:
 # --- images ----------------------------------------------------------------------------------------------------------
 
 
+def _finite(pixels: F32) -> tuple[int, F64, float]:
+    """How many of pixels (H, W, 3) are finite, their sum (3,) and their greatest value; some rows at a time, as a large
+    sky takes enough memory as it is."""
+    count, total, brightest = 0, np.zeros(3), -np.inf
+    for rows in np.array_split(pixels, -(-pixels.shape[0] // 256)):
+        sound = rows[np.isfinite(rows).all(axis=-1)]
+        count += len(sound)
+        total += sound.sum(axis=0, dtype=np.float64)
+        brightest = max(brightest, float(sound.max(initial=-np.inf)))
+    return count, total, brightest
+
+
 def _picture(path: Path) -> PictureFacts:
     from mirelight.io.image import read_fingerprint
 
@@ -196,15 +208,15 @@ def _picture(path: Path) -> PictureFacts:
         pixels = read_environment(path)
         names, (height, width), memory = ("R", "G", "B"), pixels.shape[:2], pixels.nbytes
         space = _space(read_hdr_primaries(path)) if path.suffix.lower() == ".hdr" else "sRGB"
-    sound = pixels[np.isfinite(pixels).all(axis=-1)] if pixels is not None else np.empty((0, 3), np.float32)
+    sound, total, brightest = _finite(pixels) if pixels is not None else (0, np.zeros(3), 0.0)
     return PictureFacts(
         path=str(path),
         width=int(width),
         height=int(height),
         channels=names,
-        mean=numbers(sound.mean(axis=0, dtype=np.float64)) if len(sound) else None,
-        brightest=rounded(sound.max()) if len(sound) else None,
-        not_finite=0 if pixels is None else int(height * width - len(sound)),
+        mean=numbers(total / sound) if sound else None,
+        brightest=rounded(brightest) if sound else None,
+        not_finite=0 if pixels is None else int(height * width - sound),
         color_space=space,
         memory=int(memory),
         fingerprint=fingerprint,

@@ -50,6 +50,9 @@ def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
     figures = _Figures(reference, test, gain, display)
     masks = regions(reference, test, counted, settings.band)
     scores = tuple(figures.scores(name, mask) for name, mask in masks.items())
+    remark = ""
+    if scores[0].verdict in ("difference", "unknown"):
+        remark = oversight(reference, test, figures.shown_reference, figures.shown_test, display)
     comparison = Comparison(
         name=pair.name,
         reference=pair.reference,
@@ -59,7 +62,7 @@ def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
         linear=reference.linear and test.linear,
         gain=gain,
         regions=scores,
-        remark=oversight(reference, test, display, gain) if scores[0].verdict in ("difference", "unknown") else "",
+        remark=remark,
         reference_settings=reference.settings,
         test_settings=test.settings,
     )

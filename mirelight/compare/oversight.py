@@ -27,7 +27,7 @@ _TURNED = (
 )
 
 
-def oversight(reference: Picture, test: Picture, display: Display, gain: float = 1.0) -> str:
+def oversight(reference: Picture, test: Picture, shown: F32, seen: F32, display: Display) -> str:
     """What the test looks like beside the reference; empty where nothing simple explains most of the difference.
 
     Axes are told by where edges are, so that other light does not hide them; curves, alpha and light by how much of the
@@ -36,10 +36,10 @@ def oversight(reference: Picture, test: Picture, display: Display, gain: float =
     Args:
         reference: one side.
         test: the other, of the same size.
+        shown: (H, W, 3) display values of the reference, its light times a gain that was fitted.
+        seen: (H, W, 3) those of the test.
         display: how both are shown.
-        gain: of the reference's light.
     """
-    shown, seen = display.show(reference, gain), display.show(test)
     error = _error(shown, seen)
     if error < _PLAIN:
         return ""

@@ -17,6 +17,7 @@ from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import Plane, Sheet
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Soup, corners_of
+from mirelight.proxy.views import mean_up
 
 Bool = NDArray[np.bool_]
 
@@ -70,7 +71,7 @@ def ceiling_of(soup: Soup, planes: Sequence[Plane], pictures: Pictures, cell: fl
     area = float(triangles.areas(soup.vertices[soup.faces]).sum())
     large = [plane for plane in planes if plane.area >= TUNING.beyond_least_area * area]
     fronts = [(plane, *side) for plane in large if (side := _facing(plane, pictures.eyes)) is not None]
-    held = np.mean([camera.world_from_camera[:3, 1] for camera in pictures.cameras], axis=0)
+    held = mean_up(pictures.cameras)
     for _, up, floor in fronts:
         if abs(float(held @ up)) < TUNING.ceiling_upright:  # a wall, before which they stand
             continue

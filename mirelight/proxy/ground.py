@@ -28,12 +28,10 @@ def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: floa
         tolerance: how far what lies on a plane may be from it, world units.
         up: (3,) unit: the ground is the largest plane that faces it; None: not known, it is the largest of all.
     """
-    level = list(range(len(flats)))[:1]
-    if up is not None:  # houses along a street have nothing behind them, either
-        level = [k for k, flat in enumerate(flats) if abs(float(flat.normal @ up)) > TUNING.ground_upright]
-    if not level or not _is_ground(flats[level[0]], views, tolerance):
+    level = (k for k, flat in enumerate(flats) if up is None or abs(float(flat.normal @ up)) > TUNING.ground_upright)
+    at = next(level, None)  # houses along a street have nothing behind them, either
+    if at is None or not _is_ground(flats[at], views, tolerance):
         return list(flats)
-    at = level[0]
     ground = flats[at]
     held, through, seen = votes(ground, views, tolerance)
     hole = (through > held) & (through > TUNING.fog * seen)

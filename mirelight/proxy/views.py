@@ -57,11 +57,16 @@ def _framed(camera: Camera, points: F32, pixels: int) -> Camera:
     )
 
 
+def mean_up(cameras: Sequence[Camera]) -> F64:
+    """(3,) the mean of what is up for cameras: the shorter, the less they agree."""
+    return np.asarray(np.mean([camera.world_from_camera[:3, 1] for camera in cameras], axis=0))
+
+
 def held_up(cameras: Sequence[Camera]) -> F64 | None:
     """(3,) unit: which way is up for most cameras; None where they are held in all ways, or there are none."""
     if not cameras:
         return None
-    mean = np.mean([camera.world_from_camera[:3, 1] for camera in cameras], axis=0)
+    mean = mean_up(cameras)
     long = float(np.linalg.norm(mean))
     return mean / long if long > TUNING.view_upright else None
 

@@ -33,7 +33,7 @@ HOUSES = (  # side, middle along x, width, height of the eaves, wall, door
 STOREY = 2.75
 LEGS = tuple((a, b) for a in (-0.18, 0.18) for b in (-0.18, 0.18))  # of a chair
 CARS = ((-5.6, 1, "car silver"), (2.2, -1, "car red"), (6.4, 1, "car silver"))  # x, side of the road, material
-TREES = (0.2, 7.4, -6.8)
+TREES = (0.2, 7.4, -6.8)  # x, on the pavement at -Z
 LANTERNS = ((-4.5, -1), (4.0, 1))  # x and side of the lamp posts
 
 
@@ -167,16 +167,12 @@ def _tree(x: float, side: int, seed: int) -> list[Part]:
 
 
 def _things() -> list[Part]:
-    """An awning over a shop's front, tables, a bench, bins, posts along a kerb."""
+    """An awning over a shop's front, tables and chairs, bins, a letter box, posts along a kerb."""
     z = PAVEMENT
-    awning = sheet(
-        np.array([[[-4.6, 2.75, z], [-4.6, 2.3, z - 1.3]], [[-0.4, 2.75, z], [-0.4, 2.3, z - 1.3]]]), "cloth"
-    )
-    under = sheet(
-        np.array([[[-4.6, 2.73, z], [-4.6, 2.28, z - 1.3]], [[-0.4, 2.73, z], [-0.4, 2.28, z - 1.3]]]),
-        "cloth",
-        flip=True,
-    )
+    awning = [
+        sheet(np.array([[[x, high, z], [x, low, z - 1.3]] for x in (-4.6, -0.4)]), "cloth", flip=below)
+        for high, low, below in ((2.75, 2.3, False), (2.73, 2.28, True))
+    ]
     tables = []
     for x in (-3.6, -1.6):
         tables += [
@@ -189,7 +185,7 @@ def _things() -> list[Part]:
                 bevel=0.005,
             ),
             boxes(
-                [[x + 0.65 + a, 0.33, z - 0.9 + b] for a in (-0.18, 0.18) for b in (-0.18, 0.18)],
+                [[x + 0.65 + a, 0.33, z - 0.9 + b] for a, b in LEGS],
                 [[0.04, 0.44, 0.04]] * 4,
                 "wood",
                 bevel=0.003,
@@ -203,26 +199,21 @@ def _things() -> list[Part]:
     )
     box = boxes((-0.4, 0.75, -ROAD - 0.5), (0.5, 1.3, 0.45), "door red", bevel=0.05)
     posts = [tube([[x, 0.1, ROAD + 0.3], [x, 0.95, ROAD + 0.3]], 0.06, "iron", 10) for x in np.arange(-1.0, 2.1, 1.0)]
-    return [awning, under, *tables, bins, box, *posts]
+    return [*awning, *tables, bins, box, *posts]
 
 
 def looks() -> Looks:
     """Geometry and materials."""
-    parts = (
-        _ground()
-        + _end()
-        + _things()
-        + _car(-5.6, 1, "car silver")
-        + _car(2.2, -1, "car red")
-        + _car(6.4, 1, "car silver")
-    )
+    parts = _ground() + _end() + _things()
+    for car in CARS:
+        parts += _car(*car)
     for house in HOUSES:
         parts += _house(*house)
     for at in LANTERNS:
         parts += _lantern(*at)
-    return Looks(
-        soups=soups(parts + _tree(0.2, -1, 61) + _tree(7.4, -1, 62) + _tree(-6.8, -1, 63)), surfaces=surfaces()
-    )
+    for k, x in enumerate(TREES):
+        parts += _tree(x, -1, 61 + k)
+    return Looks(soups=soups(parts), surfaces=surfaces())
 
 
 def _lit() -> Lighting:

@@ -178,7 +178,8 @@ def _finite(pixels: F32) -> tuple[int, F64, float]:
     """How many of pixels (H, W, 3) are finite, their sum (3,) and their greatest value; some rows at a time, as a large
     sky takes enough memory as it is."""
     count, total, brightest = 0, np.zeros(3), -np.inf
-    for rows in np.array_split(pixels, -(-pixels.shape[0] // 256)):
+    for first in range(0, len(pixels), 256):
+        rows = pixels[first : first + 256]
         sound = rows[np.isfinite(rows).all(axis=-1)]
         count += len(sound)
         total += sound.sum(axis=0, dtype=np.float64)

@@ -6,11 +6,13 @@ import tempfile
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from mirelight import relighting
-from mirelight.model import Camera, camera_checks
+from mirelight.model import Camera, Job, camera_checks
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import keys, peak, requirements, stages
 from mirelight.pipeline.artefact_cache import ArtefactCache, NullCache
@@ -23,8 +25,9 @@ from mirelight.store import Store, layer_records, write
 
 T = TypeVar("T")
 
-_SIDE = 96  # pixels of the measured frame's longer side
-_SPP = 4
+_SIDES = 96, 192  # pixels of the measured frames' longer side
+_SPP = 4  # samples of those frames
+_MORE = 16  # of one more of the first size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,19 +41,52 @@ class Forecast:
     traces: int  # of sets of unit lights, over all cameras, that are not kept yet
     fills: int | None  # of the surface, rays that serve any light, that are not kept yet; None: nothing is read there
     gathered: int  # unit lights on the surface that are not kept yet
-    seconds: float  # measured on a small frame and scaled by pixels and samples: no more than a guide
+    seconds: float  # measured on small frames and continued by pixels and samples: no more than a guide
     bytes: int  # of new files
     memory: int  # bytes that one process takes at once; without a mesh that is still to be made of the splats
     remarks: tuple[str, ...] = ()  # cameras and lights of no use, see `mirelight.model.camera_checks.remarks`
 
 
+@dataclass(frozen=True, slots=True)
+class _Seconds:
+    """What a stage takes: whatever the picture's size (each splat is projected, a kernel started), by pixel, and by
+    pixel and sample."""
+
+    fixed: float = 0
+    pixel: float = 0
+    sample: float = 0
+
+    def of(self, pixels: int, samples: float = 0) -> float:
+        """Of one picture, with so many samples of each pixel."""
+        return self.fixed + pixels * (self.pixel + samples * self.sample)
+
+    @classmethod
+    def between(cls, few: int, many: int, short: float, long: float, samples: float = 0, each: float = 0) -> _Seconds:
+        """From two pictures of so many pixels and what they took; of so many samples, which take `each` by pixel.
+        Nothing is less than zero, however badly it is measured."""
+        pixel = (long - short) / (many - few) if many > few else short / few
+        pixel = min(max(pixel, samples * each), short / few)
+        each = min(each, pixel / samples) if samples else 0.0
+        return cls(short - few * pixel, pixel - samples * each, each)
+
+
+class _Times(NamedTuple):
+    """Seconds that the stages of a frame took."""
+
+    composite: float
+    light: float  # of a set of unit lights
+    relight: float
+    write: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cost:
-    """Seconds and bytes of a small frame, by pixel; a trace by pixel and sample."""
+    """Seconds by stage, and bytes by pixel, of small frames."""
 
-    composite: float = 0
-    trace: float = 0
-    finish: float = 0
+    composite: _Seconds = _Seconds()
+    light: _Seconds = _Seconds()
+    relight: _Seconds = _Seconds()
+    write: _Seconds = _Seconds()
     files: float = 0  # bytes from here on
     view: float = 0  # what is kept of a view besides its light
     geometry: float = 0  # of each set of unit lights that is kept
@@ -79,8 +115,9 @@ def forecast(plan: Plan) -> Forecast:
         frames = 0 if group.layers else len(missing[group.name])
         pinholes, samples = effort(job, group.camera, group.tasks[0].lighting)
         composites = 1 if pinholes == 1 else pinholes * frames
-        light = sets * samples * cost.trace * job.render.spp
-        seconds += pixels * (composites * cost.composite + light + frames * pinholes * cost.finish)
+        seconds += composites * cost.composite.of(pixels)
+        seconds += sets * pinholes * cost.light.of(pixels, samples / pinholes * job.render.spp)
+        seconds += frames * (pinholes * cost.relight.of(pixels) + cost.write.of(pixels))
         size += pixels * frames * cost.files
         if job.output.store != "frames":
             glow = cost.glow if sets else 0
@@ -207,29 +244,42 @@ class _Sizes(NullCache):
 
 def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
     job = plan.job
-    small = task.camera.scaled(min(1.0, _SIDE / max(task.camera.width, task.camera.height)))
+    longest = max(task.camera.width, task.camera.height)
+    large = task.camera.scaled(min(1.0, _SIDES[1] / longest))
+    small = large.scaled(_SIDES[0] / _SIDES[1])
     spp = min(_SPP, job.render.spp)
+    output = replace(job.output, store="frames" if job.output.store == "frames" else "both")
+    # light on the surface is timed by itself: gathering all of it takes longer than all the rest here
+    quick = replace(job, render=replace(job.render, spp=spp, indirect="traced"), output=output)
+    sizes = _Sizes(kept)  # of the larger one, where heads of files count for less
     with tempfile.TemporaryDirectory() as folder:
-        output = replace(job.output, store="frames" if job.output.store == "frames" else "both")
-        # light on the surface is timed by itself: gathering all of it takes longer than all the rest here
-        quick = replace(job, cameras=(small,), render=replace(job.render, spp=spp, indirect="traced"), output=output)
-        _once(prepare(quick, kept), small, task, Path(folder))
-        sizes = _Sizes(kept)
-        scene = prepare(quick, sizes).ready(lit=task.lighting is not None)
-        if task.lighting is not None:
-            scene.make_ready(job.objects_of(task.lighting, small))  # once for all frames: what mirrors show takes long
-        cost = _once(scene, small, task, Path(folder))
-    pixels = small.width * small.height
+        scene = _ready(prepare(replace(quick, cameras=(large,)), kept), small, task)
+        _ = _once(scene, small, task, Path(folder))  # compiles kernels
+        scene = _ready(prepare(scene.job, sizes, like=scene), small, task)
+        second = _once(scene, _later(job, large, 2), task, Path(folder))
+        files = sum(x.stat().st_size for x in Path(folder).iterdir())
+        again = _ready(prepare(scene.job, kept, like=scene), small, task)
+        first = _once(again, _later(job, small, 1), task, Path(folder))
+        finer = replace(scene.job, render=replace(quick.render, spp=_MORE))
+        again = _ready(prepare(finer, kept, like=scene), small, task)
+        third = _once(again, _later(job, small, 3), task, Path(folder))
+    few, pixels = small.width * small.height, large.width * large.height
     if scene.job.splats is not None:
-        composite = scene.composite(small.pinhole)
-        sizes.put("", composite, composite_of(small, composite.profile, composite.linear))
+        composite = scene.composite(large.pinhole)
+        sizes.put("", composite, composite_of(large, composite.profile, composite.linear))
     surface = None if task.lighting is None else prepare(job, kept, like=scene).surface_light
     if surface is not None:
         _ = surface.cells  # counted with what is made once
     if job.output.store != "frames":
         layer_records.keep_around(plan, kept, scene.resolved)
-    return replace(
-        cost,
+    each = max(third.light - first.light, 0) / (_MORE - spp) / few
+    between = partial(_Seconds.between, few, pixels)
+    return _Cost(
+        composite=between(first.composite, second.composite),
+        light=between(first.light, second.light, spp, each),
+        relight=between(first.relight, second.relight),
+        write=between(first.write, second.write),
+        files=files / pixels,
         view=sizes.of_views / pixels,
         geometry=sizes.of_sets / max(sizes.sets, 1) / pixels,
         layer=sizes.of_layers / max(sizes.layers, 1) / pixels,
@@ -251,25 +301,38 @@ def _of_splats(scene: Scene, plan: Plan) -> int:
     return due * len(scene.splats) * 3 * 4
 
 
-def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Cost:
-    job, pixels = scene.job, camera.width * camera.height
-    began = time.perf_counter()
-    splats = stages.composite(scene, camera)
-    composited = time.perf_counter()
-    sets = 1
-    lit = None
+def _ready(scene: Scene, camera: Camera, task: FrameTask) -> Scene:
+    """With all that frames share: what mirrors show takes long."""
+    scene.ready(lit=task.lighting is not None)
     if task.lighting is not None:
-        lit = stages.light(scene, camera, task.lighting)
-        lightings = (task.lighting, requirements.compared_in(job, task.lighting))
-        sets = len({s.digest for x in lightings if x is not None for s in scene.mixture(x).sets})
-    traced = time.perf_counter()
+        scene.make_ready(scene.job.objects_of(task.lighting, camera))
+    return scene
+
+
+def _later(job: Job, camera: Camera, step: int) -> Camera:
+    """The camera at another moment, where objects move: each frame, and each pinhole of an open shutter, has them
+    elsewhere."""
+    return replace(camera, frame=(camera.frame or 1.0) + step / 4) if job.has_motion else camera
+
+
+def _sets(scene: Scene, task: FrameTask) -> int:
+    """How many sets of unit lights a frame's light is mixed from."""
+    if task.lighting is None:
+        return 1
+    lightings = (task.lighting, requirements.compared_in(scene.job, task.lighting))
+    return len({s.digest for x in lightings if x is not None for s in scene.mixture(x).sets})
+
+
+def _once(scene: Scene, camera: Camera, task: FrameTask, folder: Path) -> _Times:
+    times = [time.perf_counter()]
+    splats = stages.composite(scene, camera)
+    times.append(time.perf_counter())
+    lit = None if task.lighting is None else stages.light(scene, camera, task.lighting)
+    times.append(time.perf_counter())
     frame = stages.relight(scene, splats, lit)
+    times.append(time.perf_counter())
     for suffix in task.files:
-        write(frame, folder / f"frame{suffix}", job)
-    done = time.perf_counter()
-    return _Cost(
-        composite=(composited - began) / pixels,
-        trace=(traced - composited) / pixels / sets / job.render.spp,
-        finish=(done - traced) / pixels,
-        files=sum(x.stat().st_size for x in folder.iterdir()) / pixels,
-    )
+        write(frame, folder / f"frame{suffix}", scene.job)
+    times.append(time.perf_counter())
+    made = _Times(*(after - before for before, after in pairwise(times)))
+    return made._replace(light=made.light / _sets(scene, task))

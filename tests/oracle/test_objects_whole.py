@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from mirelight.lighting import albedo, detail
 from mirelight.model import Camera, Frame, Material, ProxyMesh, SplatCloud
 from mirelight.pipeline import frame_diagnostics, stages
 from mirelight.pipeline.plan import plan
+from mirelight.store import Store
 
 JOB = """splats = "splats.ply"
 proxy = "proxy.glb"
@@ -167,6 +169,31 @@ def test_a_forecast_does_not_take_what_mirrors_show_for_light(folder: Path, monk
     monkeypatch.setattr(stages, "light", lit)
     monkeypatch.setattr(albedo, "vertex_colors", found_colors)
     assert forecast(plan(made)).traces > 0
-    assert inside == [1, 0]  # what compiles, and what is timed
+    assert inside == [0, 0, 0, 0]  # what compiles, and what is timed
     assert (told, colored) == ([1], [1])
     assert not (folder / "out").exists()
+
+
+def test_what_mirrors_show_is_made_once_for_every_output(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes long. What is made by other settings is another."""
+    text = JOB.replace('"proxy.glb"', '{ path = "proxy.glb", albedo = "splats" }') + BALL
+    own, told = detail.told, []
+
+    def counted(*given: Any, **named: Any) -> Any:
+        told.append(own(*given, **named))
+        return told[-1]
+
+    monkeypatch.setattr(detail, "told", counted)
+    shown = []
+    for output in ("one", "other"):
+        (folder / "mirrors.toml").write_text(f'{text}\n[output]\ndirectory = "{output}"\n')
+        made = mirelight.load(folder / "mirrors.toml")
+        scene = mirelight.prepare(made, Store(made).artefacts)
+        shown.append(scene._with(made.objects_of(made.lightings[0]))._mirrored)
+    first, again = shown
+    assert len(told) == 1
+    np.testing.assert_array_equal(first.colors, again.colors)
+    np.testing.assert_array_equal(first.steps, again.steps)
+    made = replace(made, render=replace(made.render, seed=made.render.seed + 1))
+    assert mirelight.prepare(made)._with(made.objects_of(made.lightings[0]))._mirrored is not None
+    assert len(told) == 2

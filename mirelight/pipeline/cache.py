@@ -1,5 +1,5 @@
 """What takes long to make of a capture, kept for all commands of a user: proxies made from splats, estimates of the
-light that splats were captured under, and guesses of where they were taken from.
+light that splats were captured under, guesses of where they were taken from, and what mirrors show.
 
 Files are named by their keys (`mirelight.pipeline.keys`) in a folder of the user and carry a digest. They appear whole
 or not at all, so any number of processes may share the folder. Where it cannot be used nothing is kept, and nothing is

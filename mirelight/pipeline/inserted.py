@@ -79,7 +79,7 @@ class SceneWithObjects(Prepared):
         if not boxes or not requirements.colors_proxy(job) or proxy is None or job.captured is None:
             return None
         key = self.keys.mirrored(self.objects)
-        found = self.kept.get(key, ARRAY)
+        found = self._shared(key, ARRAY)
         if found is None:
             self._tell("finding what mirrors show of the capture; it is kept for the next time")
             near = [(box[:3, 3], float(np.linalg.norm(box[:3, :3], axis=0).max()) / 2) for box in boxes]
@@ -88,7 +88,7 @@ class SceneWithObjects(Prepared):
             captured, discs = self.resolved(job.captured), are_discs(splats)
             made = detail.told(proxy, near, splats, self._bare.views, captured, job.render, discs=discs)
             found = made.packed()
-            self.kept.put(key, found, ARRAY)
+            self._share(key, found, ARRAY)
         return lattices.Detail.unpacked(found)
 
     def light_key(self, light_set: LightSet, seen: Camera) -> str:

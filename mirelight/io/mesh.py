@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirelight.base import colour
 from mirelight.base.errors import InputError, printable
+from mirelight.io.gltf.document import Document
 from mirelight.io.gltf.scene import read_node, read_scene
 from mirelight.io.ldr import decode_srgb_image
 from mirelight.io.mesh_counts import check_counts
@@ -31,7 +32,14 @@ _SPLAT_MARKS = (b"f_dc_0", b"packed_position")
 Attributes = Mapping[str, Any]
 
 
-def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False, node: str | None = None) -> ProxyMesh:
+def read_mesh(
+    path: str | Path,
+    *,
+    textures: bool = True,
+    finish: bool = False,
+    node: str | None = None,
+    document: Document | None = None,
+) -> ProxyMesh:
     """A proxy mesh, its vertices neither merged nor reordered.
 
     The `albedo` is left at its gray default; the file's colours are in `materials` and `vertex_colors`. Vertex colours
@@ -43,13 +51,17 @@ def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False, 
         textures: read textures too. Without, no image is opened.
         finish: read those of metallic and roughness, too, where the format has them (glTF).
         node: of a glTF file this node alone, and what hangs on it, its origin at the world's.
+        document: a glTF file that is open already.
 
     Raises:
         InputError: missing, damaged, without that node, without triangles or area, or with vertices that are NaN or
             beyond all bounds.
     """
     path = existing(path)
-    mesh = _read(path, textures, finish) if node is None else _read_node(path, node, textures, finish)
+    if node is None:
+        mesh = _read(path, textures, finish, document)
+    else:
+        mesh = _read_node(path, node, textures, finish, document)
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > _FARTHEST:
         raise InputError(path, f"corners as far as {farthest:.3g} units from the origin", "give it in metres")
@@ -58,12 +70,12 @@ def read_mesh(path: str | Path, *, textures: bool = True, finish: bool = False, 
     return mesh
 
 
-def _read(path: Path, textures: bool, finish: bool) -> ProxyMesh:
+def _read(path: Path, textures: bool, finish: bool, document: Document | None) -> ProxyMesh:
     suffix = path.suffix.lower()
     if path.is_dir() or suffix not in MESHES:
         raise InputError(path, "not a mesh file", "give one of " + ", ".join(MESHES))
     if suffix in GLTF:
-        mesh = read_scene(path, textures=textures, finish=finish).mesh
+        mesh = read_scene(document or path, textures=textures, finish=finish).mesh
         if mesh is None:
             raise InputError(path, "no triangles in its scene (points and lines do not count)", "give a mesh")
         return mesh
@@ -79,11 +91,11 @@ def _read(path: Path, textures: bool, finish: bool) -> ProxyMesh:
     return _read_with_trimesh(path, suffix, textures)
 
 
-def _read_node(path: Path, node: str, textures: bool, finish: bool) -> ProxyMesh:
+def _read_node(path: Path, node: str, textures: bool, finish: bool, document: Document | None) -> ProxyMesh:
     if path.suffix.lower() not in GLTF:
         found = f"a node, {printable(node)!r}, of a file that is no glTF"
         raise InputError(path, found, "leave it out, or give a .glb or .gltf", field="node")
-    mesh = read_node(path, node, textures=textures, finish=finish)
+    mesh = read_node(document or path, node, textures=textures, finish=finish)
     if mesh is None:
         raise InputError(path, f"no triangles at the node {printable(node)!r}", "name one with a mesh", field="node")
     return mesh

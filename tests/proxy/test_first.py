@@ -26,6 +26,7 @@ from mirelight.cli.report import lines
 from mirelight.estimate import Confidence, Estimate
 from mirelight.io import job, splats
 from mirelight.io.exr import write_exr
+from mirelight.io.gltf import document
 from mirelight.io.gltf.write import write_glb, write_lights
 from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
 from mirelight.pipeline.scene import prepare
@@ -201,6 +202,22 @@ def test_a_set_of_things_has_the_size_of_its_largest(tmp_path: Path) -> None:
     assert mug.name == "mug" and len(mug.mesh.value.faces) == 4
     away = np.linalg.inv(camera.world_from_camera) @ np.append(np.mean(mug.mesh.value.bounds, axis=0), 1)
     assert away[2] < 0 and abs(away[0] / away[2]) < 0.4
+
+
+@pytest.mark.parametrize("node", [None, "square"])
+def test_an_object_s_file_is_opened_once(tmp_path: Path, node: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    square = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 0, 1]], [[0, 1, 2]], process=False)
+    trimesh.Scene({"square": square}).export(tmp_path / "square.glb")
+    opened: list[Path] = []
+    own = document.map_file
+
+    def counted(path: Path, *given: Any) -> Any:
+        opened.append(path)
+        return own(path, *given)
+
+    monkeypatch.setattr(document, "map_file", counted)
+    assert [x.name for x in objects.MeshFile.read(tmp_path / "square.glb", node).things] == ["square"]
+    assert opened == [tmp_path / "square.glb"]
 
 
 def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from mirelight.apps.first_job import view
 from mirelight.apps.first_job.toml_text import Names, position
 from mirelight.base.errors import printable
 from mirelight.io import mesh
+from mirelight.io.gltf.document import read_document
 from mirelight.io.gltf.scene import name_groups
 from mirelight.io.suffixes import GLTF
 from mirelight.model import F64, I32, ProxyMesh, shown
@@ -62,7 +63,8 @@ class MeshFile:
     @staticmethod
     def read(path: Path, node: str | None = None) -> MeshFile:
         """Raises InputError where it is no mesh, or has no such node."""
-        found = mesh.read_mesh(path, node=node)
+        document = read_document(path) if path.suffix.lower() in GLTF else None
+        found = mesh.read_mesh(path, node=node, document=document)
         owners = np.zeros(len(found.faces), np.int32) if found.face_nodes is None else found.face_nodes
         parts = (_part(found, name, found.faces[owners == i]) for i, name in enumerate(found.nodes) if i in owners)
         gap = _JOINED * float(np.ptp(found.bounds, axis=0).max())
@@ -72,8 +74,8 @@ class MeshFile:
                 things = [x for x in things if x not in near]
                 thing = reduce(_Thing.joined, near, thing)
             things.append(thing)
-        if path.suffix.lower() in GLTF:
-            named = zip(things, name_groups(path, [x.parts for x in things]), strict=True)
+        if document is not None:
+            named = zip(things, name_groups(document, [x.parts for x in things]), strict=True)
             things = [x if name is None else replace(x, name=name) for x, name in named]
         return MeshFile(path, node, tuple(sorted(things, key=lambda x: -x.size)))
 

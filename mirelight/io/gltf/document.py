@@ -152,16 +152,18 @@ class Document:
         return map_file(target, entry, name)
 
 
-def read_document(path: str | Path, handled: frozenset[str] = HANDLED_EXTENSIONS) -> Document:
+def read_document(path: str | Path | Document, handled: frozenset[str] = HANDLED_EXTENSIONS) -> Document:
     """Open a .glb or .gltf file (told apart by content) and check its head.
 
     Args:
-        path: the file.
+        path: the file; one that is open already is given back.
         handled: extensions that the caller understands; a file that requires another is refused.
 
     Raises:
         InputError: unreadable, not glTF 2.x, truncated, or requiring an extension outside `handled` (named).
     """
+    if isinstance(path, Document):
+        return path
     path = Path(path)
     data = map_file(path)
     if bytes(data[:4]) == b"glTF":

@@ -46,13 +46,13 @@ class GltfLights:
     blender: str | None  # Blender's exporter with its version, where that wrote the file
 
 
-def read_scene(path: str | Path, *, textures: bool = True, finish: bool = False) -> GltfScene:
+def read_scene(path: str | Path | Document, *, textures: bool = True, finish: bool = False) -> GltfScene:
     """Read a .glb or .gltf file.
 
     The mesh's `albedo` is left at its gray default; the file's colours are in `materials` and `vertex_colors`.
 
     Args:
-        path: the file.
+        path: the file, or what `read_document` gave of it.
         textures: decode base colour textures. Without, no image is opened, and files whose textures cannot be read
             still serve as a plain proxy.
         finish: decode textures of metallic and roughness, too.
@@ -74,12 +74,14 @@ def read_scene(path: str | Path, *, textures: bool = True, finish: bool = False)
     )
 
 
-def read_node(path: str | Path, name: str, *, textures: bool = True, finish: bool = False) -> ProxyMesh | None:
+def read_node(
+    path: str | Path | Document, name: str, *, textures: bool = True, finish: bool = False
+) -> ProxyMesh | None:
     """One node of a file, and all that hang on it, as a mesh: as turned and as large as in the file, with the node's
     own origin at the world's. None where there are no triangles.
 
     Args:
-        path: the file.
+        path: as for :func:`read_scene`.
         name: the node's, or its mesh's where it has none; of several the first in the file's hierarchy.
         textures: as for :func:`read_scene`.
         finish: as for :func:`read_scene`.
@@ -107,7 +109,7 @@ def _with_triangles(document: Document, nodes: dict[int, Node]) -> list[str]:
     return list(dict.fromkeys(called(document, x) for x in nodes.values() if x.index in carry))
 
 
-def name_groups(path: str | Path, groups: Sequence[Collection[str]]) -> list[str | None]:
+def name_groups(path: str | Path | Document, groups: Sequence[Collection[str]]) -> list[str | None]:
     """For groups of a file's nodes that have meshes, by their names: the name of the node on which all of a group hang
     and nothing else, the nearest such; None where there is none.
 

@@ -152,7 +152,7 @@ def _optional() -> list[tuple[str, str]]:
     return [
         ("Chromium", chromium),
         ("PlayCanvas", str(playcanvas) if playcanvas else fetched),
-        ("splat-transform", converter or "not found (.ksplat, LCC): npm install -g @playcanvas/splat-transform"),
+        ("splat-transform", converter or "not found (LCC): npm install -g @playcanvas/splat-transform"),
     ]
 
 

@@ -6,5 +6,5 @@ GLTF = (".glb", ".gltf")
 USD = (".usd", ".usda", ".usdc", ".usdz")
 SCENES = (*GLTF, *USD)  # of meshes, lights and cameras in a world of their own, perhaps splats too
 MESHES = (*SCENES, ".ply", ".obj", ".stl")
-CONVERTED = (".ksplat", ".lcc", ".lcc2")  # splats that splat-transform reads
-SPLATS = (".ply", ".spz", ".sog", ".splat", *SCENES, *CONVERTED)  # not .json, which may be a SOG's, and cameras as well
+CONVERTED = (".lcc", ".lcc2")  # splats that splat-transform reads
+SPLATS = (".ply", ".spz", ".sog", ".splat", ".ksplat", *SCENES, *CONVERTED)  # .json may be a SOG's, and cameras as well

@@ -87,7 +87,7 @@ def _override(number: int, rng: random.Random) -> Case:
 
 
 def _splats(number: int, rng: random.Random) -> Case:
-    names = [x for x in base() if x.endswith((".ply", ".spz", ".splat", "small.glb")) and x != "mesh.ply"]
+    names = [x for x in base() if x.endswith((".ply", ".spz", ".splat", ".ksplat", "small.glb")) and x != "mesh.ply"]
     name = rng.choice(names)
     data = base()[name]
     if name.endswith(".ply") and rng.random() < 0.4:

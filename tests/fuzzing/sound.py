@@ -126,9 +126,8 @@ def base() -> dict[str, bytes]:
     triangle = np.zeros(2, dtype=[("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
     triangle["v"] = corners[[[0, 2, 1], [0, 3, 2]]]
     out["proxy.stl"] = b"\0" * 80 + np.uint32(2).tobytes() + triangle.tobytes()
-    out |= {
-        path.name: path.read_bytes() for path in DATA.iterdir() if path.suffix in (".ply", ".spz", ".sog", ".splat")
-    }
+    read = (".ply", ".spz", ".sog", ".splat", ".ksplat")
+    out |= {path.name: path.read_bytes() for path in DATA.iterdir() if path.suffix in read}
     out["small.glb"] = (DATA / "small.glb").read_bytes()
     out |= {
         f"streamed/{x.relative_to(DATA / 'streamed').as_posix()}": x.read_bytes()

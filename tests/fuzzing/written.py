@@ -165,6 +165,7 @@ def _large() -> list[Case]:
             "proxy.glb",
             "proxy.stl",
             "small.splat",
+            "small.ksplat",
             "sky.exr",
             "sky.hdr",
             "sky.png",

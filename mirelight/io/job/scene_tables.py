@@ -70,7 +70,9 @@ def is_similarity(matrix: list[list[float]]) -> bool:
 class SplatsTable(Table):
     """A splat file, and how it is placed."""
 
-    path: AssetPath = Field(description="Splat file: .ply, .compressed.ply, .spz, .sog, SOG folder, .splat or .glb.")
+    path: AssetPath = Field(
+        description="Splat file: .ply, .compressed.ply, .spz, .sog, SOG folder, .splat, .ksplat or .glb."
+    )
     transform: Transform = Field(default=Transform(), description="Places the splats in the world.")
     lod: int | None = Field(
         default=None,

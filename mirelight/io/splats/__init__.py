@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mirelight.base.errors import InputError
 from mirelight.io.safety import existing, open_binary
-from mirelight.io.splats import compressed_ply, dot_splat, external, ply, sog, sog_write, spz, streamed
+from mirelight.io.splats import compressed_ply, dot_splat, external, ksplat, ply, sog, sog_write, spz, streamed
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import read_ply_header
@@ -26,7 +26,8 @@ __all__ = ["SUFFIXES", "SplatFileInfo", "merge", "read", "summary", "transform",
 SUFFIXES = (*SPLATS, ".json")  # of what can be read: a SOG may be a folder, with its meta.json
 
 _READABLE = (
-    "read are PLY, compressed PLY, SPZ, SOG, .splat, glTF with KHR_gaussian_splatting, OpenUSD and lod-meta.json"
+    "read are PLY, compressed PLY, SPZ, SOG, .splat, .ksplat, glTF with KHR_gaussian_splatting, OpenUSD "
+    "and lod-meta.json"
 )
 
 
@@ -56,7 +57,7 @@ def read(path: str | Path, *, lod: int | None = None) -> SplatCloud:
 
 
 def summary(path: str | Path, *, lod: int | None = None) -> SplatFileInfo:
-    """What a splat file holds, from its head alone (.ksplat and LCC are converted for it).
+    """What a splat file holds, from its head alone (LCC is converted for it).
 
     Args:
         path: as for :func:`read`.
@@ -126,6 +127,8 @@ def _by_content(path: Path, lod: int | None) -> _Format:
         raise InputError(path, "empty file", "give a capture")
     if suffix in CONVERTED:
         return _Format(lambda: external.summary(path, lod), lambda: external.read(path, lod), levels=True)
+    if suffix == ".ksplat":
+        return _Format(lambda: ksplat.summary(path), lambda: ksplat.read(path))
     if suffix in USD:
         from mirelight.io.usd import splats as stage
 

@@ -1,4 +1,4 @@
-"""Formats that are read by PlayCanvas' command-line tool splat-transform, where it is installed (.ksplat, LCC)."""
+"""Formats that are read by PlayCanvas' command-line tool splat-transform, where it is installed (LCC)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from mirelight.io.splats import ply
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.model import SplatCloud
 
-_LEVELLED = (".lcc", ".lcc2")  # these hold levels of detail, of which one is taken
 _TIMEOUT = 900  # seconds; a city-sized LCC takes minutes
 
 
@@ -44,8 +43,7 @@ def _convert(path: Path, folder: Path, lod: int | None) -> Path:
             path, f"{path.suffix.lower()} files are read through splat-transform, which is not here", remedy
         )
     target = folder / "converted.ply"
-    level = ["--lod-select", str(lod or 0)] if path.suffix.lower() in _LEVELLED else []
-    command = [tool, "--quiet", *level, str(path.resolve()), str(target)]
+    command = [tool, "--quiet", "--lod-select", str(lod or 0), str(path.resolve()), str(target)]
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=_TIMEOUT, check=False

@@ -18,7 +18,7 @@ from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.model import SplatCloud
 
-from . import truth
+from . import ksplat_file, truth
 
 Change = Callable[[bytes], bytes]
 INTERESTING = [0, 1, 0x7F, 0x80, 0xFE, 0xFF]
@@ -78,6 +78,10 @@ def originals() -> dict[str, bytes]:
         for path in ("a.ply", "b.compressed.ply", "c.spz"):
             splats.write(truth.cloud(20, 1), folder / path)
             found[path] = (folder / path).read_bytes()
+    for level in range(3):
+        found[f"{level}.ksplat"] = ksplat_file.packed(
+            [truth.cloud(20, level), truth.cloud(9, 2)], level, block=1.5, each=4
+        )
     found["d.spz"] = (truth.DATA / "degree4_antialiased_v4.spz").read_bytes()
     return found
 
@@ -96,6 +100,18 @@ quiet = settings(max_examples=150, deadline=None, derandomize=True, suppress_hea
 @given(changes())
 def test_ply(change: Change) -> None:
     fuzz("a.ply", change)
+
+
+@quiet
+@given(changes(), st.integers(0, 2))
+def test_ksplat(change: Change, level: int) -> None:
+    """The file, and what of it are no zeros: its heads are nearly empty."""
+
+    def inside(data: bytes) -> bytes:
+        return change(data[:48]) + data[48:4096] + change(data[4096:4144]) + data[4144:]
+
+    fuzz(f"{level}.ksplat", change)
+    fuzz(f"{level}.ksplat", inside)
 
 
 @quiet

@@ -7,7 +7,7 @@ import numpy as np
 from mirelight.base.errors import InputError
 from mirelight.compare import metrics
 from mirelight.compare.display import Display
-from mirelight.compare.oversight import oversight
+from mirelight.compare.oversight import oversight, why_other_size
 from mirelight.compare.pictures import read_mask, read_picture
 from mirelight.compare.regions import regions
 from mirelight.compare.types import (
@@ -39,7 +39,10 @@ def evaluate(pair: Pair, settings: CompareSettings) -> tuple[Comparison, Maps]:
     test = read_picture(pair.test, premultiplied=settings.premultiplied)
     if reference.size != test.size:
         (h, w), (rows, columns) = reference.size, test.size
-        raise InputError(pair.test, f"{columns} x {rows} pixels where the reference has {w} x {h}", "render one size")
+        found = (
+            f"{columns} x {rows} pixels where the reference has {w} x {h}{why_other_size(reference.size, test.size)}"
+        )
+        raise InputError(pair.test, found, "render one size")
     whole = np.ones(reference.size, dtype=bool)
     counted = whole if pair.mask is None else read_mask(pair.mask, reference.size)
     if not counted.any():

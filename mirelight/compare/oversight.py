@@ -58,6 +58,22 @@ def oversight(reference: Picture, test: Picture, shown: F32, seen: F32, display:
     return f"the test looks {found}" if found else ""
 
 
+def why_other_size(reference: tuple[int, int], test: tuple[int, int]) -> str:
+    """How a test of another size (rows, columns) than its reference may have come about, to be put behind both sizes;
+    empty where nothing simple tells."""
+    (h, w), (rows, columns) = reference, test
+    if test == (w, h):
+        return ", turned by 90 degrees or with width and height swapped"
+    larger = max(columns / w, w / columns)
+    if abs(rows * w - columns * h) < max(w, columns):  # one aspect, to a row
+        which = "as many" if columns > w else "as few"
+        exactly = "exactly " if rows * w == columns * h else ""
+        return f", {exactly}{larger:.4g} times {which} each way: another resolution or device pixel ratio"
+    if rows == h or columns == w:
+        return f", as {'high' if rows == h else 'wide'} as that: a crop, or a window of another shape"
+    return ""
+
+
 def _turned(shown: F32, seen: F32) -> str:
     """How the test's edges must be turned to lie where the reference's do; empty where they do, or never do."""
     small, other = _small(metrics.luma(shown)), _small(metrics.luma(seen))

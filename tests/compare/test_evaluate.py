@@ -319,6 +319,29 @@ def test_sizes_must_agree(made: Any, save: Any, tmp_path: Path) -> None:
         run(save(made(), "a/f.exr"), tmp_path / "small.png")
 
 
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        ((96, 128), "128 x 96 pixels where the reference has 64 x 48, exactly 2 times as many each way: "),
+        ((24, 32), "64 x 48, exactly 2 times as few each way: another resolution or device pixel ratio"),
+        ((63, 85), "64 x 48, 1.328 times as many each way: "),
+        ((48, 50), "64 x 48, as high as that: a crop, or a window of another shape"),
+        ((60, 64), "64 x 48, as wide as that: "),
+        ((64, 48), "64 x 48, turned by 90 degrees or with width and height swapped"),
+        ((30, 50), "64 x 48; render one size"),
+    ],
+)
+def test_two_sizes_say_where_they_may_come_from(
+    size: tuple[int, int], said: str, made: Any, save: Any, tmp_path: Path
+) -> None:
+    from PIL import Image
+
+    Image.new("RGB", size[::-1]).save(tmp_path / "other.png")
+    with pytest.raises(InputError) as error:
+        run(save(made(), "a/f.exr"), tmp_path / "other.png")
+    assert said in str(error.value)
+
+
 def test_an_exr_without_colour_is_refused(tmp_path: Path) -> None:
     from mirelight.io.exr import write_exr
 

@@ -197,3 +197,22 @@ def test_what_mirrors_show_is_made_once_for_every_output(folder: Path, monkeypat
     made = replace(made, render=replace(made.render, seed=made.render.seed + 1))
     assert mirelight.prepare(made)._with(made.objects_of(made.lightings[0]))._mirrored is not None
     assert len(told) == 2
+
+
+def test_a_forecast_counts_that_objects_which_move_are_put_elsewhere(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each frame, and each pinhole of an open shutter, has them at another place."""
+    keys = "keys = [{ frame = 1 }, { frame = 9, translation = [0.2, 0, 0] }]\n"
+    turn = '\n[[cameras]]\ntype = "turntable"\nname = "turn"\nframes = 4\nelevation = 1.5\n'
+    (folder / "moving.toml").write_text(JOB.replace('cameras_from = "proxy"\n', "") + BALL + keys + turn)
+    made = mirelight.load(folder / "moving.toml")
+    own, moments = stages.light, []
+
+    def lit(scene: Any, camera: Camera, *given: Any, **named: Any) -> Any:
+        moments.append(camera.frame)
+        return own(scene, camera, *given, **named)
+
+    monkeypatch.setattr(stages, "light", lit)
+    assert forecast(plan(made)).seconds > 0
+    assert len(set(moments)) == len(moments) == 4

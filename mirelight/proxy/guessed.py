@@ -3,45 +3,47 @@
 An optimiser begins with colours that do not depend on the view, and moves the view-dependent part of a splat by what
 pictures show of it alone: so that part is largest in the directions that cameras saw it from, and small in all others.
 Places that most splats are that large towards are where cameras stood: in the middle of a room, on a ring about a
-thing, before a house, none beneath a floor.
+thing, before a house, none beneath a floor. Where splats have one colour from all sides, or one that tells nothing,
+places from which they look clear stand for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.base import colour, sh
 from mirelight.base.errors import InputError
 from mirelight.compositor import Compositor
 from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.clear import ClearSplats
+from mirelight.proxy.depth import DepthMap, DepthMaps
 from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
-from mirelight.proxy.views import lattice, moved, placed
+from mirelight.proxy.views import around, lattice, moved, placed
 
 NAME = "guessed"  # of the cameras, before their number
 Guess: TypeAlias = Callable[[], Sequence[Camera]]  # cameras in world space, when they are asked for
 
 
 def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
-    """Cameras in the capture's own space; none where splats do not tell: they have no view-dependent part, or it is as
-    large in all directions.
+    """Cameras in the capture's own space; none where nothing tells.
 
     Args:
         splats: world space, with their spherical harmonics.
         capture: what was seen in them.
         settings: of these the variant and its threads.
     """
-    told = _told(splats, capture)
-    if told is None:
-        return ()
-    places = _with_room(_places(told, capture), capture, settings)
-    return tuple(_camera(place, way, capture, f"{NAME}-{i}") for i, (place, way) in enumerate(_views(told, places)))
+    if (told := _by_colours(splats, capture)) and (cameras := _looking(told, capture, settings)):
+        return cameras
+    cameras = _looking(_by_layers(capture, settings), capture, settings)
+    return cameras if cameras and _surer(cameras, capture, settings) else ()
 
 
 def taken_from(splats: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -58,52 +60,146 @@ def taken_as_placed(own: OwnSplats, settings: ProxySettings) -> tuple[Camera, ..
     return tuple(placed(camera, own.world_from_own) for camera in taken_from(own.splats.value, settings))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Told:
+class _Told(Protocol):
     """Splats that tell where they were seen from."""
 
-    means: F64  # (N, 3) in the capture's space
+    @property
+    def means(self) -> F64:
+        """(N, 3) in the capture's space."""
+
+    @property
+    def grid(self) -> int:
+        """Places that are asked along the box's longest side."""
+
+    @property
+    def around(self) -> int:
+        """Places around it, at each distance."""
+
+    @property
+    def share(self) -> float:
+        """Of the best place's worth, that other places have."""
+
+    def worth(self, place: F64) -> float:
+        """How much speaks for a place (3,)."""
+
+    def shown(self, place: F64) -> NDArray[np.bool_]:
+        """(N,) which of them were seen from it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Colours:
+    """By colours that depend on the view."""
+
+    means: F64
     rest: F64  # (N, K) their view-dependent part, of which the square's mean over all directions is 1
     degree: int
+    grid: int = TUNING.guess_grid
+    around: int = TUNING.guess_around
+    share: float = TUNING.guess_worth
 
-    def ways(self, place: F64) -> F64:
-        """(N, 3) unit directions from a place (3,) to them."""
-        away = self.means - place
-        return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30))
+    def worth(self, place: F64) -> float:
+        return float(np.median(self._large(place)))
 
-    def large(self, ways: F64) -> F64:
-        """(N,) how large that part is, squared, in directions (N, 3) that they are seen along."""
-        return np.asarray((sh.basis(ways, self.degree)[:, 1:] * self.rest).sum(axis=1) ** 2)
+    def shown(self, place: F64) -> NDArray[np.bool_]:
+        return self._large(place) > 1
+
+    def _large(self, place: F64) -> F64:
+        """(N,) how large that part is, squared, in the directions that they are seen along from a place."""
+        basis = sh.basis(_ways(place, self.means), self.degree)[:, 1:]
+        return np.asarray((basis * self.rest).sum(axis=1) ** 2)
 
 
-def _told(splats: SplatCloud, capture: Capture) -> _Told | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Layers:
+    """By how clear they look."""
+
+    means: F64
+    clear: ClearSplats
+    grid: int = TUNING.clear_grid
+    around: int = TUNING.clear_around
+    share: float = TUNING.clear_worth
+
+    def worth(self, place: F64) -> float:
+        return self.clear.worth(place)
+
+    def shown(self, place: F64) -> NDArray[np.bool_]:
+        return self.clear.shown(place, self.means)
+
+
+def _ways(place: F64, points: F64) -> F64:
+    """(N, 3) unit directions from a place (3,) to points (N, 3)."""
+    away = points - place
+    return np.asarray(away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-30))
+
+
+def _by_colours(splats: SplatCloud, capture: Capture) -> _Colours | None:
     degree = sh.degree_of(splats.sh.shape[1])
     if degree == 0:
         return None
     means = splats.means.astype(np.float64) - capture.middle
-    near = (np.abs(means) <= capture.half).all(axis=1) & (splats.opacities > TUNING.guess_opaque)
-    rows = np.flatnonzero(near & (splats.sh[:, 1:] != 0).any(axis=(1, 2)))
+    rows = _asked(means, splats, capture, (splats.sh[:, 1:] != 0).any(axis=(1, 2)))
     if len(rows) < TUNING.guess_fewest:
         return None
-    rows = rows[:: max(len(rows) // TUNING.guess_sample, 1)]
     rest = (splats.sh[rows, 1:].astype(np.float64) * colour.REC709_LUMINANCE).sum(axis=2)
     size = np.sqrt((rest**2).sum(axis=1, keepdims=True) / (4 * np.pi))
-    return _Told(means[rows], rest / np.maximum(size, 1e-30), degree)
+    return _Colours(means[rows], rest / np.maximum(size, 1e-30), degree)
 
 
-def _places(told: _Told, capture: Capture) -> F64:
-    """(P, 3) places, far from each other."""
-    shells = list(_candidates(capture))
-    worths = [np.array([np.median(told.large(told.ways(place))) for place in shell]) for shell in shells]
+def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers:
+    means = capture.splats.means.astype(np.float64)
+    rows = _asked(means, capture.splats, capture, True)
+    return _Layers(means[rows], ClearSplats(capture, settings))
+
+
+def _asked(means: F64, splats: SplatCloud, capture: Capture, part: NDArray[np.bool_] | bool) -> NDArray[np.int64]:
+    """(M,) rows of some splats of a part (N,) that are opaque and not far off; means (N, 3) in the capture's space."""
+    near = (np.abs(means) <= capture.half).all(axis=1) & (splats.opacities > TUNING.guess_opaque)
+    rows = np.flatnonzero(near & part)
+    return rows[:: max(len(rows) // TUNING.guess_sample, 1)]
+
+
+def _looking(told: _Told, capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
+    views = _views(told, _places(told, capture, settings))
+    return tuple(_camera(place, way, capture, f"{NAME}-{i}") for i, (place, way) in enumerate(views))
+
+
+def _surer(cameras: Sequence[Camera], capture: Capture, settings: ProxySettings) -> bool:
+    """Whether surfaces are thinner layers in cameras' views than in those from around.
+
+    From inside of a thing they are not, though it fills all directions: nothing told an optimiser how it is in there.
+    """
+    maps = DepthMaps(capture, settings)
+    chosen = [x.scaled(TUNING.clear_size / x.width) for x in cameras[:: -(-len(cameras) // TUNING.clear_judged)]]
+    outer = around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)
+    inner, outside = (np.median([_trust(maps.of(camera)) for camera in views]) for views in (chosen, outer))
+    return bool(inner > outside)
+
+
+def _trust(view: DepthMap) -> float:
+    opaque = view.alpha > TUNING.depth_opaque
+    return float(view.trust[opaque].mean()) if opaque.any() else 0.0
+
+
+def _places(told: _Told, capture: Capture, settings: ProxySettings) -> F64:
+    """(P, 3) places, far from each other, none inside of a thing."""
+    shells = list(_candidates(capture, told))
+    worths = [np.array([told.worth(place) for place in shell]) for shell in shells]
     best = max(float(x.max()) for x in worths)
     # far off, a place is told by its direction alone: nearer ones that are as good show more
     farthest = next(k for k, x in enumerate(worths) if x.max() > TUNING.guess_near * best)
     candidates, worth = (np.concatenate(x[: farthest + 1]) for x in (shells, worths))
     if best < TUNING.guess_clear * float(np.median(worth)):
         return np.zeros((0, 3))
-    left = candidates[worth > TUNING.guess_worth * best]
-    middle = int(np.argmin(np.linalg.norm(left - left.mean(axis=0), axis=1)))
-    return left[far_apart(left, middle, min(TUNING.guess_places, len(left)))]
+    left = _some(candidates[worth > told.share * best], TUNING.guess_tried)
+    return _some(_with_room(left, capture, settings), TUNING.guess_places)
+
+
+def _some(places: F64, most: int) -> F64:
+    """Of places (P, 3) so many, far from each other."""
+    if not len(places):
+        return places
+    middle = int(np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1)))
+    return places[far_apart(places, middle, min(most, len(places)))]
 
 
 def _camera(place: F64, way: F64, capture: Capture, name: str) -> Camera:
@@ -124,25 +220,24 @@ def _with_room(places: F64, capture: Capture, settings: ProxySettings) -> F64:
     return places[np.array(nearest) > TUNING.guess_room * np.median(middle or [0.0])]
 
 
-def _candidates(capture: Capture) -> Iterator[F64]:
+def _candidates(capture: Capture, told: _Told) -> Iterator[F64]:
     """(N, 3) of places in the capture's box, which is no flatter than a person stands high, and around it."""
     longest = float(capture.half.max())
-    step = 2 * longest / TUNING.guess_grid
+    step = 2 * longest / told.grid
     lines = [np.arange(-h + step / 2, h, step) for h in np.maximum(capture.half, TUNING.guess_flat * longest)]
     yield np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     for away in TUNING.guess_away:
-        yield away * capture.radius * lattice(TUNING.guess_around)
+        yield away * capture.radius * lattice(told.around)
 
 
 def _views(told: _Told, places: F64) -> Iterator[tuple[F64, F64]]:
     """Places (3,) and unit directions of views: each shows as much as it can of what those before it show least of."""
     ways = lattice(TUNING.guess_ways)
     narrow = np.cos(np.radians(TUNING.guess_yfov / 2))
-    shown = []  # by view: the splats that are large towards it
+    shown = []  # by view: the splats that it shows
     for place in places:
-        away = told.ways(place)
-        large = told.large(away) > 1
-        shown += [large & ((away * way).sum(axis=1) > narrow) for way in ways]
+        away, there = _ways(place, told.means), told.shown(place)
+        shown += [there & ((away * way).sum(axis=1) > narrow) for way in ways]
     seen, times = np.array(shown, np.float32).reshape(-1, len(told.means)), np.zeros(len(told.means), np.float32)
     for _ in range(min(TUNING.guess_views, len(seen))):
         worth = (seen / (1 + times)).sum(axis=1)

@@ -218,12 +218,24 @@ class Tuning:
     guess_near: float = 0.9  # of the best, that the best of a distance has, past which none is sought
     guess_room: float = 0.4  # of how far off things usually are: a tenth of a view may be nearer
     guess_small: float = 0.2  # of a view's size, in which that is told
-    guess_places: int = 24
+    guess_tried: int = 96  # places of which it is told whether they have room
+    guess_places: int = 24  # that are looked from
     guess_ways: int = 100  # directions that are tried
     guess_views: int = 64  # that are taken
     guess_sides: int = 8  # directions in which it is told whether a place has room
     guess_yfov: float = 60.0  # degrees
     guess_pixels: int = 280  # along a side
+
+    # how clear a capture looks (`clear`)
+    clear_splats: int = 30_000  # that stand for all
+    clear_pixels: int = 40  # along a side of the six pictures of all directions
+    clear_noise: float = 0.15  # of the logarithm of distances: what a clear layer blends
+    clear_least: float = 0.3  # clear enough to have been seen: it blends one and a half times that
+    clear_grid: int = 10  # candidates along the box's longest side
+    clear_around: int = 12  # around the box, at each distance
+    clear_worth: float = 0.6  # of the best, that others have
+    clear_judged: int = 16  # views, whose surfaces are held against those of as many from around
+    clear_size: int = 140  # along the longer side of one
 
     # what a capture is (`capture`)
     capture_surfel: float = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)

@@ -22,7 +22,7 @@ from mirelight.compositor import Compositor
 from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.clear import ClearSplats
-from mirelight.proxy.depth import DepthMap, DepthMaps
+from mirelight.proxy.depth import DepthMaps
 from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
@@ -40,10 +40,9 @@ def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tu
         capture: what was seen in them.
         settings: of these the variant and its threads.
     """
-    if (told := _by_colours(splats, capture)) and (cameras := _looking(told, capture, settings)):
+    if (colours := _by_colours(splats, capture)) and (cameras := _looking(colours, capture, settings)):
         return cameras
-    cameras = _looking(_by_layers(capture, settings), capture, settings)
-    return cameras if cameras and _surer(cameras, capture, settings) else ()
+    return _clear(capture, settings)
 
 
 def taken_from(splats: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -145,9 +144,11 @@ def _by_colours(splats: SplatCloud, capture: Capture) -> _Colours | None:
     return _Colours(means[rows], rest / np.maximum(size, 1e-30), degree)
 
 
-def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers:
+def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers | None:
     means = capture.splats.means.astype(np.float64)
     rows = _asked(means, capture.splats, capture, True)
+    if len(rows) < TUNING.guess_fewest:
+        return None
     return _Layers(means[rows], ClearSplats(capture, settings))
 
 
@@ -163,21 +164,29 @@ def _looking(told: _Told, capture: Capture, settings: ProxySettings) -> tuple[Ca
     return tuple(_camera(place, way, capture, f"{NAME}-{i}") for i, (place, way) in enumerate(views))
 
 
-def _surer(cameras: Sequence[Camera], capture: Capture, settings: ProxySettings) -> bool:
-    """Whether surfaces are thinner layers in cameras' views than in those from around.
+def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
+    """Cameras where it looks clear; none where surfaces are as thin layers from around, or nearly.
 
-    From inside of a thing they are not, though it fills all directions: nothing told an optimiser how it is in there.
+    From inside of a thing they are thicker, though it fills all directions: nothing told how it is in there.
     """
+    if (layers := _by_layers(capture, settings)) is None:
+        return ()
     maps = DepthMaps(capture, settings)
-    chosen = [x.scaled(TUNING.clear_size / x.width) for x in cameras[:: -(-len(cameras) // TUNING.clear_judged)]]
     outer = around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)
-    inner, outside = (np.median([_trust(maps.of(camera)) for camera in views]) for views in (chosen, outer))
-    return bool(inner > outside)
+    needed = TUNING.clear_surer * _trust(maps, outer)
+    if needed > TUNING.clear_most:
+        return ()
+    cameras = _looking(layers, capture, settings)
+    chosen = cameras[:: -(-len(cameras) // TUNING.clear_judged) or 1]
+    sure = _trust(maps, [x.scaled(TUNING.clear_size / x.width) for x in chosen])
+    return cameras if sure > needed else ()
 
 
-def _trust(view: DepthMap) -> float:
-    opaque = view.alpha > TUNING.depth_opaque
-    return float(view.trust[opaque].mean()) if opaque.any() else 0.0
+def _trust(maps: DepthMaps, cameras: Sequence[Camera]) -> float:
+    """The median view's mean over its opaque pixels; 0 where there are none."""
+    views = (maps.of(camera) for camera in cameras)
+    means = [float(x.mean()) if len(x := v.trust[v.alpha > TUNING.depth_opaque]) else 0.0 for v in views]
+    return float(np.median(means or [0.0]))
 
 
 def _places(told: _Told, capture: Capture, settings: ProxySettings) -> F64:

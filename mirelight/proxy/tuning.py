@@ -235,6 +235,9 @@ class Tuning:
     clear_around: int = 12  # around the box, at each distance
     clear_worth: float = 0.6  # of the best, that others have
     clear_judged: int = 16  # views, whose surfaces are held against those of as many from around
+    # times the trust from around, that they have: a toy's inside 0.83, that of a ball of even splats 1.04, rooms 1.17
+    clear_surer: float = 1.1
+    clear_most: float = 0.8  # that views ever have: where those from around have nearly as much, none are sought
     clear_size: int = 140  # along the longer side of one
 
     # what a capture is (`capture`)

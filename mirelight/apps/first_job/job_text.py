@@ -93,7 +93,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         return [views.placed(x, m) for x in own_guess()]
 
     placed = () if looking is None else looking.placed(turn)
-    seen = view.best(world, str(capture), placed, guess=guess, outside=outside)
+    seen = view.best(world, str(capture), placed, guess=lambda: view.aimed(cloud, guess), outside=outside)
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
     asked = known is None and (bool(wish.objects) or (wish.estimated and proxy is None and looking is not None))

@@ -98,7 +98,7 @@ def best(
     )
     tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
     if not captured:
-        tried = [_wide(x) for x in (guess() if guess else taken_from(cloud, ProxySettings()))]
+        tried = [_wide(x) for x in (guess() if guess else aimed(cloud, lambda: taken_from(cloud, ProxySettings())))]
     views = [x for c in tried if (x := _within(c, radius)) is not None]
     stood = bool(views)
     if not stood:
@@ -119,6 +119,14 @@ def best(
     light = np.zeros((1, 3)) if not on.any() else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
     return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
+
+
+def aimed(cloud: SplatCloud, guess: Guess) -> Sequence[Camera]:
+    """Guessed cameras by which a first picture may be chosen: none of splats of plain colours.
+
+    From where these look clear tells nothing of what people aim at.
+    """
+    return guess() if cloud.sh_degree else ()
 
 
 def _bounds(points: F64) -> tuple[F64, F64]:

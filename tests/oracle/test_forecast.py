@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import mirelight
+from mirelight import store
 from mirelight.batch import forecast as forecasting
 from mirelight.model.exposure import Exposure
 from mirelight.pipeline import stages
@@ -39,7 +40,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> None:
         return int(camera.width * camera.height)
 
     def traced(scene: Any, camera: Any, _lighting: Any, _found: Any) -> float:
-        return 0.25 + pixels(camera) * (2e-5 + 3e-5 * scene.job.render.spp)
+        return 0.25 + pixels(camera) * (2e-5 + 3e-5 * int(scene.job.render.spp))
 
     laws = {
         "composite": lambda _scene, camera, _found: 0.5 + 1e-6 * pixels(camera),
@@ -48,7 +49,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> None:
     }
     for name, law in laws.items():
         monkeypatch.setattr(stages, name, after(name, law, getattr(stages, name)))
-    written = after("write", lambda frame, *_: 5e-6 * pixels(frame.camera), forecasting.write)
+    written = after("write", lambda frame, *_: 5e-6 * pixels(frame.camera), store.write)
     monkeypatch.setattr(forecasting, "write", written)
     monkeypatch.setattr(forecasting, "time", SimpleNamespace(perf_counter=lambda: now))
 

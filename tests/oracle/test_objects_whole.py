@@ -191,7 +191,7 @@ def test_what_mirrors_show_is_made_once_for_every_output(folder: Path, monkeypat
         scene = mirelight.prepare(made, Store(made).artefacts)
         shown.append(scene._with(made.objects_of(made.lightings[0]))._mirrored)
     first, again = shown
-    assert len(told) == 1
+    assert len(told) == 1 and first is not None and again is not None
     np.testing.assert_array_equal(first.colors, again.colors)
     np.testing.assert_array_equal(first.steps, again.steps)
     made = replace(made, render=replace(made.render, seed=made.render.seed + 1))

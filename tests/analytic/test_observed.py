@@ -146,7 +146,13 @@ def test_discs_are_not_looked_at() -> None:
         sh=cloud.sh,
     )
     assert capture_views(flat, VIEWS) == ()
-    assert capture_views(cloud, ()) == ()
+    assert capture_views(flat, ()) == ()
+
+
+def test_where_no_camera_is_known_or_guessed_nothing_is_looked_at() -> None:
+    """Splats of plain colours are looked at from where they look clear."""
+    assert capture_views(fuzzy(), (), guess=tuple) == ()
+    assert {view.camera.name.split("-")[0] for view in capture_views(fuzzy(), ())} == {"guessed"}
 
 
 def test_a_proxy_that_no_picture_shows() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mirelight.compositor import Compositor
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.capture import Capture, take
-from mirelight.proxy.depth import pixels_of
+from mirelight.proxy.depth import layered, pixels_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import from_points, turned
@@ -31,8 +31,7 @@ class ClearSplats:
     def __init__(self, capture: Capture, settings: ProxySettings) -> None:
         step = max(len(capture.splats) // TUNING.clear_splats, 1)
         few = take(capture.splats, np.arange(0, len(capture.splats), step))
-        opacities = 1 - (1 - np.clip(few.opacities, 0, 0.999)) ** TUNING.depth_sharper
-        few = replace(few, scales=few.scales * np.float32(np.sqrt(step)), opacities=opacities.astype(np.float32))
+        few = layered(replace(few, scales=few.scales * np.float32(np.sqrt(step))), TUNING.depth_sharper)
         self._means, self._near = few.means, 1e-3 * capture.radius
         self._compositor = Compositor(few, variant=settings.variant, threads=settings.threads)
 

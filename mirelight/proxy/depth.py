@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.compositor import Compositor
-from mirelight.model import F32, F64, Camera, CompositorSettings
+from mirelight.model import F32, F64, Camera, CompositorSettings, SplatCloud
 from mirelight.proxy.axes import axes_of
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.tuning import TUNING
@@ -50,9 +50,8 @@ class DepthMaps:
         splats = capture.splats
         self._splats, self._settings, self._middle = splats, settings, middle
         self._shown = Compositor(splats, variant=settings.variant, threads=settings.threads)
-        thinned = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** TUNING.depth_thinner
         self._thinned = Compositor(
-            replace(splats, opacities=thinned.astype(np.float32)),
+            layered(splats, TUNING.depth_thinner),
             CompositorSettings(alpha_clip=TUNING.depth_clip),
             variant=settings.variant,
             threads=settings.threads,
@@ -136,13 +135,9 @@ class DepthMaps:
 
     @cached_property
     def _sharp(self) -> Compositor:
-        splats = self._splats
-        opacities = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** TUNING.depth_sharper
-        return Compositor(
-            replace(splats, opacities=opacities.astype(np.float32)),
-            variant=self._settings.variant,
-            threads=self._settings.threads,
-        )
+        settings = self._settings
+        sharp = layered(self._splats, TUNING.depth_sharper)
+        return Compositor(sharp, variant=settings.variant, threads=settings.threads)
 
     def _planes(self, camera: Camera) -> F32:
         """(N, 7) what is blended: normal and distance of a splat's plane, 1, its depth and the square of that."""
@@ -160,6 +155,12 @@ class DepthMaps:
         """(N,) depth of the splats' middles, and the pixel that each lies in; -1: none."""
         own = turned(self._means - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4"))
         return -own[:, 2], pixels_of(camera, own)
+
+
+def layered(splats: SplatCloud, layers: float) -> SplatCloud:
+    """The splats, each as opaque as so many of it one behind the other."""
+    opacities = 1 - (1 - np.clip(splats.opacities, 0, 0.999)) ** layers
+    return replace(splats, opacities=opacities.astype(np.float32))
 
 
 def shows(camera: Camera, points: F32) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from mirelight import model
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.io.job import inserted, placing
-from mirelight.io.job.camera_files import SceneCamera
 from mirelight.io.job.fields import PROXY
 from mirelight.io.job.hashing import digest, digest_of_all, digest_of_splats, file_digest
 from mirelight.io.job.light_tables import LightUnit
@@ -27,9 +26,12 @@ from mirelight.model import F32, Camera, Deferred, Inserted, Light, OwnSplats, P
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
     from mirelight.io.cameras.pictures import Picture
+    from mirelight.io.gltf.cameras import GltfCamera
     from mirelight.io.gltf.moving_lights import Shot
     from mirelight.io.ies import IesFile
+    from mirelight.io.usd.cameras import UsdCamera
 
+    SceneCamera: TypeAlias = GltfCamera | UsdCamera  # of a file with a world of its own
 
 _ASPECT = 0.02  # by which a mask's shape may differ from its camera's: sides are rounded
 
@@ -101,7 +103,8 @@ class Assets:
     def scene_lights(
         self, path: str, unit: LightUnit | None = None, time: float | None = None
     ) -> tuple[tuple[Light, ...], Matrix]:
-        """As :class:`lighting.LightFiles` describes it."""
+        """The lights of a glTF file or a stage ("proxy": the proxy's) in physical units, at a time (s) of its
+        animation, and the transform that they have by default."""
         from mirelight.io.gltf import blender
         from mirelight.io.gltf.moving_lights import Shot
         from mirelight.io.gltf.scene import read_lights_of
@@ -127,7 +130,7 @@ class Assets:
         return found.lights
 
     def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
-        """As :class:`lighting.LightFiles` describes it."""
+        """Moments (s) from the first key that changes a light of a file to the last one."""
         file, _ = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.lights import light_times as stage_times
@@ -138,7 +141,7 @@ class Assets:
         return [float(t) for t in light_times(file, fps=fps, count=frames)]
 
     def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
-        """As :class:`cameras.CameraFiles` describes it."""
+        """The cameras of a glTF file or a stage ("proxy": the proxy's), and the transform that they have by default."""
         file, default = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.cameras import read_cameras as stage_cameras
@@ -151,7 +154,7 @@ class Assets:
     def sampled(
         self, path: str, name: str, fps: float | None, frames: int | None, time: float | None = None
     ) -> tuple[tuple[float, SceneCamera], ...]:
-        """As :class:`cameras.CameraFiles` describes it."""
+        """Times (s) of an animated camera, and the camera then: at a rate, so many, or at one time."""
         file, _ = self._scene(path)
         if file.suffix.lower() in USD:
             from mirelight.io.usd.cameras import sample_cameras as sampled_stage
@@ -165,7 +168,7 @@ class Assets:
         return tuple((moment, replace(camera, world=pose)) for moment, pose in poses)
 
     def camera_file(self, path: str) -> CameraFile:
-        """See :class:`cameras.CameraFiles`. Of a folder, the digests are those of the files that are read."""
+        """A file or folder of cameras of any other format; of a folder, digests are of the files that are read."""
         from mirelight.io.cameras import open_file
 
         found = open_file(self.folder / path)
@@ -186,13 +189,13 @@ class Assets:
         return tuple(None if one is None else _picture(one) for one in found)
 
     def ies(self, path: str) -> IesFile:
-        """As :class:`lighting.LightFiles` describes it."""
+        """A luminaire's measured light."""
         from mirelight.io.ies import read_ies
 
         return read_ies(self.path(path))
 
     def panorama(self, path: str) -> Deferred[F32]:
-        """A panorama (H, W, 3), read when it is first asked for; see :class:`lighting.LightFiles`."""
+        """A panorama (H, W, 3), linear, read when it is first asked for."""
         file = self.path(path)
         return Deferred(
             model.digest("picture", self.digests[path]), partial(_panorama, file, self.digests[path]), keep=False

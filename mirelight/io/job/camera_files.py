@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
+from mirelight.io.job.assets import Assets
 from mirelight.io.job.camera_file_tables import CamerasFromTable
 from mirelight.io.job.fields import PROXY
 from mirelight.io.job.lighting import choose
@@ -25,8 +25,9 @@ from mirelight.io.suffixes import SCENES, USD
 from mirelight.model import Camera
 
 if TYPE_CHECKING:
-    from mirelight.io.cameras import CameraFile, FileCamera
+    from mirelight.io.cameras import FileCamera
     from mirelight.io.cameras.pictures import Picture
+    from mirelight.io.job.assets import SceneCamera
 
 # The kinds of file that an option is for; the others refuse it.
 _FOR = {
@@ -40,42 +41,6 @@ _FOR = {
 }
 
 
-class SceneCamera(Protocol):
-    """A camera of a file with a world of its own: glTF or OpenUSD."""
-
-    @property
-    def name(self) -> str:
-        """As the file names it."""
-
-    @property
-    def world(self) -> Matrix:
-        """(4, 4) world_from_camera, perhaps with a scale."""
-
-    @property
-    def shutter(self) -> tuple[float, float]:
-        """Seconds after a frame's moment that it opens and closes; both 0 where the file says none."""
-
-    def to_camera(self, width: int, height: int, world: Matrix | None = None) -> Camera:
-        """The camera on a pixel grid, at another pose."""
-
-
-class CameraFiles(Protocol):
-    """Reads the cameras that a job names."""
-
-    folder: FilePath  # the job's
-
-    def scene_cameras(self, path: str) -> tuple[tuple[SceneCamera, ...], Matrix]:
-        """The cameras of a glTF file or a stage ("proxy": the proxy's), and the transform that they have by default."""
-
-    def sampled(
-        self, path: str, name: str, fps: float | None, frames: int | None, time: float | None = None
-    ) -> tuple[tuple[float, SceneCamera], ...]:
-        """Times (s) of an animated camera, and the camera then: at a rate, so many, or at one time."""
-
-    def camera_file(self, path: str) -> CameraFile:
-        """A file or folder of cameras of any other format."""
-
-
 def frame_name(name: str, frame: int) -> str:
     """One frame of a sequence, counted from 1: orbit.0001."""
     return f"{name}.{frame:04d}"
@@ -87,7 +52,7 @@ class FromFiles:
 
     resolution: tuple[int, int]  # width and height in pixels of cameras that neither their file nor a picture gives one
     splats: Sequence[SplatsTable]  # the job's, whose transform places a capture's cameras
-    files: CameraFiles
+    files: Assets
     wrong: list[Mistake]  # gets what is wrong
 
     def cameras(self, table: CamerasFromTable, at: Path) -> list[Camera]:

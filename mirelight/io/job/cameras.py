@@ -13,8 +13,9 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.names import FreeNames
 from mirelight.io.job import sampling
+from mirelight.io.job.assets import Assets
 from mirelight.io.job.camera_file_tables import SENSOR_WIDTH, ShutterTable
-from mirelight.io.job.camera_files import CameraFiles, FromFiles, frame_name
+from mirelight.io.job.camera_files import FromFiles, frame_name
 from mirelight.io.job.camera_tables import (
     YFOV,
     AnyCamera,
@@ -39,8 +40,6 @@ from mirelight.io.job.tables import JobTable
 from mirelight.io.suffixes import SCENES
 from mirelight.model import Camera, Deferred, ProxyMesh, SplatCloud
 from mirelight.model.camera_checks import Judge, is_room
-
-__all__ = ["CameraFiles", "Extent", "of_job"]
 
 _VIEW = (0.45, 0.35, 1.0)  # where the camera that sees all stands, from the middle of the scene
 _STRAYS = 1.0  # percent of splats at each end of each axis that do not count for the scene's size
@@ -113,7 +112,7 @@ class Extent:
         return self.radius / math.sin(min(half, across))
 
 
-def of_job(table: JobTable, files: CameraFiles, scene: Extent, wrong: list[Mistake]) -> tuple[Camera, ...]:
+def of_job(table: JobTable, files: Assets, scene: Extent, wrong: list[Mistake]) -> tuple[Camera, ...]:
     """All cameras of a job, all names different; what is wrong is added to `wrong`.
 
     A job that names none has those of the proxy's file (glTF, OpenUSD), else one that sees everything.

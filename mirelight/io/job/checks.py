@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from mirelight.io.job import mixing, moving
-from mirelight.io.job.fields import PROXY, SPLATS
+from mirelight.io.job.fields import LIT, PROXY, SPLATS, has_light
 from mirelight.io.job.light_tables import ESTIMATE
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.positions import Path
-from mirelight.io.job.words import closest, shown
+from mirelight.io.job.words import meant, shown
 from mirelight.io.suffixes import SCENES
 from mirelight.model.profiles import COMPARING
-
-_LIT = ("lights", "lights_from", "environment")
 
 
 def across_tables(data: dict[str, Any]) -> list[Mistake]:
@@ -43,7 +41,7 @@ def _something_to_see(data: dict[str, Any]) -> Iterator[Mistake]:
     elif "splats" not in data and "proxy" not in data:
         yield Mistake((), "neither splats nor a proxy", 'name what to render: splats = "capture.ply"')
     elif "proxy" not in data:
-        for key in (*_LIT, "lightings", "captured"):
+        for key in (*LIT, "lightings", "captured"):
             if data.get(key):
                 remedy = 'add the line proxy = "splats" to have one made from them, or name a mesh'
                 yield Mistake((key,), "light, but no proxy for it to fall on", remedy, at_key=True)
@@ -51,7 +49,7 @@ def _something_to_see(data: dict[str, Any]) -> Iterator[Mistake]:
 
 def _one_way_to_light(data: dict[str, Any]) -> Iterator[Mistake]:
     if data.get("lightings"):
-        for key in _LIT:
+        for key in LIT:
             if key in data:
                 remedy = "move it into one of the lightings, or leave lightings out"
                 yield Mistake((key,), "given beside lightings", remedy, at_key=True)
@@ -68,10 +66,10 @@ def _captured(data: dict[str, Any]) -> Iterator[Mistake]:
         return
     if not isinstance(name, str):
         return
-    names = [x.get("name") for x in _tables(data, "lightings") if any(x.get(key) for key in _LIT)]
+    names = [x.get("name") for x in _tables(data, "lightings") if has_light(x)]
     if name not in names:
-        near = closest(name, [n for n in names if isinstance(n, str)])
-        remedy = f'did you mean "{near}"?' if near else "name one of the lightings, or give a table with lights"
+        known = [n for n in names if isinstance(n, str)]
+        remedy = meant(name, known, "name one of the lightings, or give a table with lights")
         path: Path = ("captured", "lighting") if isinstance(captured, dict) else ("captured",)
         yield Mistake(path, f"no lighting is named {shown(name)}", remedy)
 

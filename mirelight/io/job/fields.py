@@ -77,6 +77,7 @@ def _low_and_high(corners: list[list[float]]) -> list[list[float]]:
     return corners
 
 
+Euler: TypeAlias = Annotated[list[Degrees], Field(min_length=3, max_length=3)]
 Bounds: TypeAlias = Annotated[list[Vec3], Field(min_length=2, max_length=2), AfterValidator(_low_and_high)]
 Color: TypeAlias = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
 DisplayColor: TypeAlias = Annotated[list[Share], Field(min_length=3, max_length=3)]

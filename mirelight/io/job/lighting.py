@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.names import FreeNames
-from mirelight.io.ies import IesFile
+from mirelight.io.job.assets import Assets
 from mirelight.io.job.described_tables import DescribedTable
 from mirelight.io.job.lamp_tables import (
     AreaTable,
@@ -25,14 +25,14 @@ from mirelight.io.job.lamp_tables import (
     SunTable,
 )
 from mirelight.io.job.light_kinds import AnyLight, PlayCanvasTable
-from mirelight.io.job.light_tables import LightsFromTable, LightUnit, Lit
+from mirelight.io.job.light_tables import LightsFromTable, Lit
 from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.moon import MoonTable
 from mirelight.io.job.placing import environment_rotation, matrix
 from mirelight.io.job.positions import Path
 from mirelight.io.job.scene_tables import EnvironmentTable
 from mirelight.io.job.sun_position import to_sun
-from mirelight.io.job.words import closest, shown, shown_path
+from mirelight.io.job.words import meant, shown, shown_path
 from mirelight.model import (
     F32,
     AreaLight,
@@ -55,28 +55,7 @@ from mirelight.model.playcanvas_lights import EngineLight, lumens, physical_ligh
 ENVIRONMENT = "environment"  # its layer's name
 
 
-class LightFiles(Protocol):
-    """Reads what a lighting names."""
-
-    engine: EngineSettings  # what lights in the real-time engine's terms count on
-
-    def scene_lights(
-        self, path: str, unit: LightUnit | None = None, time: float | None = None
-    ) -> tuple[tuple[Light, ...], Matrix]:
-        """The lights of a glTF file or a stage ("proxy": the proxy's) in physical units, at a time (s) of its
-        animation, and the transform that they have by default."""
-
-    def light_times(self, path: str, fps: float | None, frames: int | None) -> list[float]:
-        """Moments (s) from the first key that changes a light of a file to the last one."""
-
-    def panorama(self, path: str) -> Deferred[F32]:
-        """An environment picture (h, w, 3), linear."""
-
-    def ies(self, path: str) -> IesFile:
-        """Reads a luminaire's measured light by its name in the job."""
-
-
-def lighting(name: str, table: Lit, at: Path, files: LightFiles, wrong: list[Mistake]) -> Lighting:
+def lighting(name: str, table: Lit, at: Path, files: Assets, wrong: list[Mistake]) -> Lighting:
     """The lighting of a table that stands `at` a path of the job; what is wrong is added to `wrong`."""
     for i, lamp in enumerate(table.lights):
         wrong += _engine_mistakes(lamp, (*at, "lights", i), files.engine)
@@ -112,13 +91,11 @@ def choose(
             continue
         if len(wrong) >= MOST:
             return
-        near = closest(name, names)
-        listed = f"it has {', '.join(names[:10])}" if names else "it has none"
-        remedy = f'did you mean "{near}"?' if near else listed
+        remedy = meant(name, names, f"it has {', '.join(names[:10])}" if names else "it has none")
         wrong.append(Mistake((*at, "names", i), f"no {what} {shown(name)} in {shown_path(file)}", remedy))
 
 
-def _from_file(table: LightsFromTable, at: Path, files: LightFiles, wrong: list[Mistake]) -> list[Light]:
+def _from_file(table: LightsFromTable, at: Path, files: Assets, wrong: list[Mistake]) -> list[Light]:
     time = None if isinstance(table.time, str) else table.time
     found, default = files.scene_lights(table.path, table.unit, time)
     m = matrix(table.transform) if table.transform else default
@@ -140,7 +117,7 @@ def _with_cone(light: Light, cone: ConeName) -> Light:
     return replace(light, inner_cone_angle=inner, cone="playcanvas")
 
 
-def _light(table: AnyLight, files: LightFiles) -> Light:
+def _light(table: AnyLight, files: Assets) -> Light:
     if isinstance(table, PlayCanvasTable):
         return _engine_light(table, files.engine)
     if isinstance(table, DescribedTable):
@@ -171,14 +148,14 @@ def _light(table: AnyLight, files: LightFiles) -> Light:
             return AreaLight(**own, intensity=table.nits, shape=table.shape, world_from_light=pose, size=size)
 
 
-def _lamp(table: PointTable | SpotTable, axis: ArrayLike, files: LightFiles) -> dict[str, Any]:
+def _lamp(table: PointTable | SpotTable, axis: ArrayLike, files: Assets) -> dict[str, Any]:
     """What points and spots have alike."""
     candela, profile = _strength(table, axis, files)
     place, reach = np.asarray(table.position), table.range or math.inf
     return {"intensity": candela, "profile": profile, "position": place, "range": reach, "radius": table.radius}
 
 
-def _strength(table: PointTable | SpotTable, axis: ArrayLike, files: LightFiles) -> tuple[float, IesProfile | None]:
+def _strength(table: PointTable | SpotTable, axis: ArrayLike, files: Assets) -> tuple[float, IesProfile | None]:
     """Candela, and the profile where the light has one: then of the brightest direction; plane 0 along +X where the
     nadir points down."""
     if table.ies is None:
@@ -242,7 +219,7 @@ def _direction(table: SpotTable | AreaTable | PlayCanvasTable) -> Matrix:
     return conventions.unit(np.subtract(table.target or (0, 0, 0), table.position or (0, 0, 0)))
 
 
-def _environment(table: EnvironmentTable, files: LightFiles) -> Environment:
+def _environment(table: EnvironmentTable, files: Assets) -> Environment:
     radiance: F32 | Deferred[F32]
     if table.path is not None:
         radiance = files.panorama(table.path)

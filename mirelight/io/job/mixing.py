@@ -12,7 +12,7 @@ from pydantic import Field, WithJsonSchema
 from mirelight.io.job.fields import LARGEST
 from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.positions import Path
-from mirelight.io.job.words import closest, shown
+from mirelight.io.job.words import meant, shown
 from mirelight.model import LayerFactor, Lighting
 from mirelight.model.unit_lights import terms
 
@@ -106,7 +106,6 @@ def unknown(at: Path, wanted: dict[str, Any], known: list[str], what: str, wrong
         if len(wrong) >= MOST:
             return
         if name not in there:
-            near = closest(name, known)
             listed = f"there are {', '.join(known[:_LISTED])}" if known else "there is none"
-            remedy = f'did you mean "{near}"?' if near else listed
+            remedy = meant(name, known, listed)
             wrong.append(Mistake((*at, name), f"no {what} is named {shown(name)}", remedy, at_key=True))

@@ -13,6 +13,7 @@ from mirelight.io.job.fields import (
     AssetPath,
     ColorOrGray,
     Degrees,
+    Euler,
     LightName,
     Matrix,
     MeshPath,
@@ -22,6 +23,7 @@ from mirelight.io.job.fields import (
     Positive,
     Quaternion,
     Seed,
+    Share,
     Table,
     Vec3,
     given,
@@ -41,7 +43,7 @@ class Transform(Table):
     """How a file's content is placed in the world: scaled, then rotated, then moved; or one matrix."""
 
     translation: Vec3 | None = Field(default=None, description="[x, y, z] in world units. Default: no shift.")
-    rotation_euler: Annotated[list[Degrees], Field(min_length=3, max_length=3)] | None = Field(
+    rotation_euler: Euler | None = Field(
         default=None,
         description="[x, y, z] in degrees about the fixed axes, X first, then Y, then Z (PlayCanvas' eulerAngles).",
     )
@@ -175,9 +177,6 @@ class ProxyTable(Table):
         return self
 
 
-Share: TypeAlias = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-
-
 class ScatterTable(Table):
     """Random places on the ground: tried one after the other until the object fits."""
 
@@ -197,7 +196,7 @@ class KeyTable(Table):
     translation: Vec3 | None = Field(
         default=None, description="[x, y, z] in world units, in place of the transform's. Default: the transform's."
     )
-    rotation_euler: Annotated[list[Degrees], Field(min_length=3, max_length=3)] | None = Field(
+    rotation_euler: Euler | None = Field(
         default=None, description="As in transform, whose rotation it takes the place of. Default: the transform's."
     )
     rotation_quaternion: Quaternion | None = Field(default=None, description="[w, x, y, z]; instead of rotation_euler.")

@@ -12,7 +12,7 @@ from mirelight.base.primaries import ColorSpace
 from mirelight.io.job.background_tables import Background, BackgroundTable
 from mirelight.io.job.fields import NotNegative, Positive, Seed, Share, Table, wrong
 from mirelight.io.job.material_tables import Masks
-from mirelight.io.job.words import closest, shown, shown_path
+from mirelight.io.job.words import meant, shown, shown_path
 from mirelight.model import (
     Compression,
     HdrFormat,
@@ -286,8 +286,7 @@ class OutputTable(Table):
             raise wrong(shown(value), "give true, false, or a list of names")
         for name in value:
             if name not in NAMEABLE:
-                near = closest(name, list(NAMEABLE))
-                remedy = f'did you mean "{near}"?' if near else f"there are {', '.join(NAMEABLE)}"
+                remedy = meant(name, list(NAMEABLE), f"there are {', '.join(NAMEABLE)}")
                 raise wrong(f"no layer {shown(name)}", remedy)
         return list(dict.fromkeys(value))
 

@@ -16,15 +16,16 @@ from pydantic import ValidationError
 from mirelight.base.errors import InputError
 from mirelight.base.names import FreeNames
 from mirelight.io.job import overrides
+from mirelight.io.job.assets import Assets
 from mirelight.io.job.light_tables import LightingTable
-from mirelight.io.job.lighting import LightFiles, lighting
+from mirelight.io.job.lighting import lighting
 from mirelight.io.job.mistakes import Mistake
 from mirelight.io.job.scene_tables import ObjectTable
 from mirelight.io.job.settings_tables import RelightTable
 from mirelight.io.job.sweep_tables import MOST, SweepTable
 from mirelight.io.job.sweep_values import Value, plain, values
 from mirelight.io.job.tables import JobTable
-from mirelight.io.job.words import closest, shown
+from mirelight.io.job.words import meant, shown
 from mirelight.model import Inserted, Light, Lighting, RelightSettings
 
 _AT = ("sweep",)
@@ -34,7 +35,7 @@ _AT = ("sweep",)
 class Makers:
     """What makes the model's types of a job's tables."""
 
-    files: LightFiles
+    files: Assets
     relight: Callable[[RelightTable], RelightSettings]
     objects: Callable[[list[ObjectTable]], tuple[Inserted, ...]]
 
@@ -51,8 +52,7 @@ def swept(
     names = [x.name for x in base]
     for i, name in enumerate(sweep.lightings or ()):
         if name not in names:
-            near = closest(name, names)
-            remedy = f'did you mean "{near}"?' if near else f"there are: {', '.join(names[:10])}"
+            remedy = meant(name, names, f"there are: {', '.join(names[:10])}")
             wrong.append(Mistake((*_AT, "lightings", i), f"no lighting is named {shown(name)}", remedy))
     axes = [values(axis, sweep.seed, folder) for axis in sweep.axes]
     wrong += _counts(sweep, axes, len(base), folder)

@@ -91,3 +91,9 @@ def closest(name: str, known: list[str]) -> str | None:
         return _ELSEWHERE[snake]
     near = difflib.get_close_matches(snake[:_MOST_OF_A_NAME], known[:_MOST_COMPARED], n=1, cutoff=0.6)
     return near[0] if near else None
+
+
+def meant(name: str, known: list[str], otherwise: str) -> str:
+    """What to do about an unknown name: take the one that was most likely meant, or else what is said."""
+    near = closest(name, known)
+    return f'did you mean "{near}"?' if near else otherwise

@@ -27,17 +27,8 @@ from mirelight.model import (
     SunLight,
 )
 
-_FILES = {
-    "splats",
-    "proxy",
-    "lights_from",
-    "environment",
-    "cameras_from",
-    "capture",
-    "path",
-    "cameras",
-    "pictures",
-}  # keys that name files
+# keys that name files
+_FILES = {"splats", "proxy", "lights_from", "environment", "cameras_from", "capture", "path", "cameras", "pictures"}
 _WORDS = {"proxy", "splats"}  # what stands for a file in their place
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -141,12 +141,16 @@ def sample_times(
 
 def tracks_above(nodes: dict[int, Node], node: int, tracks: list[Track]) -> list[Track]:
     """The tracks that move a node: its own and its ancestors'."""
-    line: set[int] = set()
+    line = set(line_of(nodes, node))
+    return [track for track in tracks if track.node in line]
+
+
+def line_of(nodes: dict[int, Node], node: int) -> Iterator[int]:
+    """A node and its ancestors."""
     at: int | None = node
     while at is not None:
-        line.add(at)
+        yield at
         at = nodes[at].parent
-    return [track for track in tracks if track.node in line]
 
 
 def world_at(nodes: dict[int, Node], node: int, tracks: list[Track], time: float) -> Matrix:
@@ -157,13 +161,11 @@ def world_at(nodes: dict[int, Node], node: int, tracks: list[Track], time: float
         if pose.matrix is not None:
             raise nodes[track.node].fields.fail("matrix", "an animated node with a matrix", "give it TRS properties")
         poses[track.node] = replace(pose, **{track.path: track.at(time)})
-    world, at = np.eye(4), node
-    while True:
-        here = nodes[at]
-        world = (poses.get(at) or pose_of(here.fields)).local(here.fields) @ world
-        if here.parent is None:
-            return world
-        at = here.parent
+    world = np.eye(4)
+    for at in line_of(nodes, node):
+        fields = nodes[at].fields
+        world = (poses.get(at) or pose_of(fields)).local(fields) @ world
+    return world
 
 
 def read_tracks(document: Document, only: Container[int] | None = None) -> list[Track]:

@@ -15,6 +15,7 @@ from mirelight.io.gltf import blender
 from mirelight.io.gltf.animation import (
     Track,
     animated_nodes,
+    line_of,
     read_track,
     read_tracks,
     sample_times,
@@ -47,7 +48,7 @@ class Shot:
         document = read_document(path)
         nodes = place_nodes(document)
         carriers = [index for index, node in nodes.items() if node.fields.extension(EXTENSION) is not None]
-        tracks = read_tracks(document, {x for index in carriers for x in _line(nodes, index)})
+        tracks = read_tracks(document, {x for index in carriers for x in line_of(nodes, index)})
         found = {index: tracks_above(nodes, index, tracks) for index in carriers}
         return Shot(document, nodes, {k: v for k, v in found.items() if v}, _pointed(document))
 
@@ -100,14 +101,6 @@ def light_times(path: str | Path, *, fps: float | None = None, count: int | None
     start = min(float(t.times[0]) for t in shot.tracks)
     end = max(float(t.times[-1]) for t in shot.tracks)
     return sample_times(shot.document, start, end, fps, count)
-
-
-def _line(nodes: dict[int, Node], index: int) -> Iterator[int]:
-    """A node and its ancestors."""
-    at: int | None = index
-    while at is not None:
-        yield at
-        at = nodes[at].parent
 
 
 def _pointers(document: Document) -> Iterator[tuple[int, str, Fields, Fields]]:

@@ -13,13 +13,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.machine import free_memory
 from mirelight.compositor import Compositor
-from mirelight.model import F32, F64, Camera
+from mirelight.model import F32, F64, Camera, CompositorSettings
 from mirelight.proxy.capture import Capture, take
 from mirelight.proxy.depth import layered, pixels_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
-from mirelight.proxy.views import from_points, turned
+from mirelight.proxy.views import from_points, moved, turned
 
 
 class ClearSplats:
@@ -33,7 +34,9 @@ class ClearSplats:
         few = take(capture.splats, np.arange(0, len(capture.splats), step))
         few = layered(replace(few, scales=few.scales * np.float32(np.sqrt(step))), TUNING.depth_sharper)
         self._means, self._near = few.means, 1e-3 * capture.radius
-        self._compositor = Compositor(few, variant=settings.variant, threads=settings.threads)
+        self._sides = from_points(np.zeros((1, 3)), TUNING.clear_pixels, self._near)
+        once = CompositorSettings(max_memory=free_memory())  # asked at each of thousands of looks, it takes a tenth
+        self._compositor = Compositor(few, once, variant=settings.variant, threads=settings.threads)
 
     def worth(self, place: F64) -> float:
         """Share of the directions from a place (3,) in which a clear layer lies, 0..1."""
@@ -55,7 +58,7 @@ class ClearSplats:
         """To six sides: logarithms of distances (H, W), and how clear pixels (H, W) are, 0..1; 0 where not opaque."""
         away = _logarithm(self._means - place.astype(np.float32), self._near)
         values = np.stack([away, away * away], axis=1)
-        for camera in from_points(place[None], TUNING.clear_pixels, self._near):
+        for camera in (moved(side, place) for side in self._sides):
             layer, sums = self._compositor.composite_with(camera, values, depth=False)
             alpha = 1 - layer.transmittance
             mean, square = (sums[..., k] / np.maximum(alpha, np.float32(1e-6)) for k in (0, 1))

@@ -92,9 +92,9 @@ class _Colours:
     means: F64
     rest: F64  # (N, K) their view-dependent part, of which the square's mean over all directions is 1
     degree: int
-    grid: int = TUNING.guess_grid
-    around: int = TUNING.guess_around
-    share: float = TUNING.guess_worth
+    grid: int
+    around: int
+    share: float
 
     def worth(self, place: F64) -> float:
         return float(np.median(self._large(place)))
@@ -114,9 +114,9 @@ class _Layers:
 
     means: F64
     clear: ClearSplats
-    grid: int = TUNING.clear_grid
-    around: int = TUNING.clear_around
-    share: float = TUNING.clear_worth
+    grid: int
+    around: int
+    share: float
 
     def worth(self, place: F64) -> float:
         return self.clear.worth(place)
@@ -141,7 +141,8 @@ def _by_colours(splats: SplatCloud, capture: Capture) -> _Colours | None:
         return None
     rest = (splats.sh[rows, 1:].astype(np.float64) * colour.REC709_LUMINANCE).sum(axis=2)
     size = np.sqrt((rest**2).sum(axis=1, keepdims=True) / (4 * np.pi))
-    return _Colours(means[rows], rest / np.maximum(size, 1e-30), degree)
+    large = rest / np.maximum(size, 1e-30)
+    return _Colours(means[rows], large, degree, TUNING.guess_grid, TUNING.guess_around, TUNING.guess_worth)
 
 
 def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers | None:
@@ -149,7 +150,8 @@ def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers | None:
     rows = _asked(means, capture.splats, capture, True)
     if len(rows) < TUNING.guess_fewest:
         return None
-    return _Layers(means[rows], ClearSplats(capture, settings))
+    clear = ClearSplats(capture, settings)
+    return _Layers(means[rows], clear, TUNING.clear_grid, TUNING.clear_around, TUNING.clear_worth)
 
 
 def _asked(means: F64, splats: SplatCloud, capture: Capture, part: NDArray[np.bool_] | bool) -> NDArray[np.int64]:

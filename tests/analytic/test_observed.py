@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,7 @@ from mirelight.model import (
     SplatLayer,
 )
 from mirelight.proxy.capture_views import capture_views
+from mirelight.proxy.tuning import TUNING
 
 SETTINGS = RenderSettings(seed=1)
 DAY = Lighting(name="day", environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
@@ -149,8 +152,9 @@ def test_discs_are_not_looked_at() -> None:
     assert capture_views(flat, ()) == ()
 
 
-def test_where_no_camera_is_known_or_guessed_nothing_is_looked_at() -> None:
-    """Splats of plain colours are looked at from where they look clear."""
+def test_where_no_camera_is_known_or_guessed_nothing_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Splats of plain colours are looked at from where they look clear, here of few places."""
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(TUNING, clear_grid=6))
     assert capture_views(fuzzy(), (), guess=tuple) == ()
     assert {view.camera.name.split("-")[0] for view in capture_views(fuzzy(), ())} == {"guessed"}
 

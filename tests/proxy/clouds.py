@@ -44,12 +44,12 @@ def ball(count: int = 4000, *, thin: float = 0.3, centre: tuple[float, float, fl
 
 
 def fog(opacity: float) -> SplatCloud:
-    """Blobs all through a ball."""
-    n = 4000
+    """Blobs all through a ball, so few that nobody asks where they were seen from."""
+    n = 450
     return replace(
         ball(n),
         means=np.random.default_rng(0).normal(size=(n, 3)).astype(np.float32),
-        scales=np.full((n, 3), 0.15, np.float32),
+        scales=np.full((n, 3), 0.31, np.float32),
         opacities=np.full(n, opacity, np.float32),
     )
 

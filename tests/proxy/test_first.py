@@ -380,14 +380,14 @@ def test_a_capture_that_shows_nothing_is_a_line(case: str, tmp_path: Path) -> No
 def test_fog_is_refused_by_the_line_of_the_proxys_maker(tmp_path: Path) -> None:
     """Splats that blend nearly as deep, of which it makes one, are not."""
     path = tmp_path / "capture.glb"  # whose axes are the world's
-    splats.write(fog(0.15), path)
+    splats.write(fog(0.5), path)
     with pytest.raises(InputError) as made:
         make(splats.read(path), source=path)
     with pytest.raises(InputError) as found:
         job_for(path, tmp_path)
     assert made.value.found.startswith("no surface: splats blend over a depth of 13% of its radius")
     assert str(found.value) == f"{made.value}; put a mesh beside it: proxy.glb"
-    splats.write(fog(0.5), path)
+    splats.write(fog(0.9), path)
     assert make(splats.read(path)).mesh.faces.size
     assert tomllib.loads(job_for(path, tmp_path, Wish(light="sun")).text)["proxy"] == "splats"
 

@@ -30,6 +30,7 @@ from mirelight.proxy.views import lattice, moved
 from .clouds import ball, box_shell, joined, on_surface, sphere_points, square
 
 SETTINGS = ProxySettings()
+FEW = replace(TUNING, guess_sample=600)
 RING = np.stack(
     [2.2 * np.sin(np.arange(24) * np.pi / 12), np.full(24, 1.0), 2.2 * np.cos(np.arange(24) * np.pi / 12)], 1
 )
@@ -38,7 +39,7 @@ RING = np.stack(
 @pytest.fixture(autouse=True)
 def fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     """A seventh of the splats is asked: these scenes have little noise."""
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(TUNING, guess_sample=600))
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", FEW)
 
 
 def thing() -> SplatCloud:
@@ -119,9 +120,10 @@ def test_colours_that_are_as_large_in_all_directions_tell_nothing() -> None:
     assert digest(found(even)[1]) == digest(found(plain)[1])
 
 
-def test_a_room_of_plain_colours_is_looked_at_from_inside() -> None:
+def test_a_room_of_plain_colours_is_looked_at_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, clear_grid=7))
     sides = np.random.default_rng(4).uniform(-2.5, 2.5, (6000, 3))
-    _, cameras = found(joined(box_shell(4.0, 0.08, thin=0.3), junk(sides[np.abs(sides).max(axis=1) > 2.15])))
+    _, cameras = found(joined(box_shell(4.0, 0.16, thin=0.3), junk(sides[np.abs(sides).max(axis=1) > 2.15])))
     assert cameras
     assert np.abs([x.position for x in cameras]).max() < 1.9
 
@@ -225,8 +227,7 @@ def test_a_first_picture_has_things_whole() -> None:
 
 def test_a_proxy_is_made_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """The walls of a room stand where they are, seen from inside."""
-    small = replace(TUNING, guess_sample=600, guess_views=24, guess_pixels=80)
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", small)
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, guess_views=24, guess_pixels=80))
     shell = box_shell(4.0, 0.16, thin=0.3)
     inside = np.random.default_rng(5).uniform(-0.8, 0.8, (30, 3))
     cloud = coloured(replace(shell, opacities=np.full(len(shell), 0.8, np.float32)), inside, closed=False)

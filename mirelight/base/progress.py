@@ -5,9 +5,10 @@ What a listener raises ends the work in order.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeAlias, TypeVar
 
+Item = TypeVar("Item")
 CountProgress: TypeAlias = Callable[[int, int], None]  # samples, pictures or files that are done, and all of them
 ShareProgress: TypeAlias = Callable[[str, float], None]  # what is being done; how much of the whole is done, 0 to 1
 
@@ -32,3 +33,10 @@ def counted(progress: ShareProgress, what: str) -> CountProgress:
         progress(what, done / max(total, 1))
 
     return report
+
+
+def passed(items: Sequence[Item], progress: ShareProgress, what: str) -> Iterator[Item]:
+    """The items one after another; each is told of when it is begun."""
+    for done, item in enumerate(items):
+        progress(what, done / len(items))
+        yield item

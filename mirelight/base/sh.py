@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+_ROWS = 1 << 18  # splats turned at a time, so that products stay small
+
 C0 = 0.28209479177387814  # 1 / (2 sqrt(pi))
 C1 = 0.4886025119029199  # sqrt(3 / (4 pi))
 C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
@@ -119,7 +121,10 @@ def rotate(sh: NDArray[np.float32], rotation: ArrayLike) -> NDArray[np.float32]:
         (N, K, 3) float32, a new array.
     """
     out = sh.copy()
-    for band, matrix in enumerate(rotation_matrices(rotation, degree_of(sh.shape[1])), start=1):
-        rows = slice(band * band, (band + 1) * (band + 1))
-        out[:, rows] = np.einsum("ij,njc->nic", matrix.astype(np.float32), sh[:, rows], optimize=True)
+    bands = [x.astype(np.float32) for x in rotation_matrices(rotation, degree_of(sh.shape[1]))]
+    for first in range(0, len(sh), _ROWS):
+        some, turned = sh[first : first + _ROWS], out[first : first + _ROWS]
+        for band, matrix in enumerate(bands, start=1):
+            rows = slice(band * band, (band + 1) * (band + 1))
+            turned[:, rows] = np.einsum("ij,njc->nic", matrix, some[:, rows], optimize=True)
     return out

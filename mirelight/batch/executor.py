@@ -66,6 +66,9 @@ class Progress:
     def note(self, line: str) -> None:
         """Something to know: what takes long now, or what is wrong with a frame that was made."""
 
+    def making(self, what: str, done: float) -> None:
+        """How far something is that all frames share and that takes long: what is done now, and the share of it."""
+
     def failed(self, task: FrameTask, error: str) -> None:
         """A frame could not be made, twice; the rest goes on."""
 
@@ -110,7 +113,7 @@ def run(
     heard = progress or Progress()
     store.hear(heard.note)
     heard.started(plan.tasks)
-    scene = scene or prepare(plan.job, store.artefacts, heard.note)
+    scene = scene or prepare(plan.job, store.artefacts, heard.note, progress=heard.making)
     said = FindingReporter(heard)
     left, done = unfinished(plan, store, heard)
     if left:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from mirelight import relighting
+from mirelight.batch.executor import Progress
 from mirelight.model import Camera, Job, camera_checks
 from mirelight.model.unit_lights import LightSet
 from mirelight.pipeline import keys, peak, requirements, stages
@@ -96,8 +97,9 @@ class _Cost:
     surface: SurfaceLight | None = None  # where reflected light is read there
 
 
-def forecast(plan: Plan) -> Forecast:
-    """Count what is missing, and render one small frame of it, twice: the first time compiles.
+def forecast(plan: Plan, progress: Progress | None = None) -> Forecast:
+    """Count what is missing, and render one small frame of it, twice: the first time compiles. What all frames share is
+    made for that, and kept for the user's next time; `progress` hears of it.
 
     Raises:
         InputError, BackendError, RenderError: as the render itself would.
@@ -106,7 +108,8 @@ def forecast(plan: Plan) -> Forecast:
     made, index = plan.keys, store.index()
     left = [g for g in plan.groups if not all(index.has(t) for t in g.tasks) or not store.has_layers(g.layers)]
     missing = {g.name: [t for t in g.tasks if g.layers or not index.has(t)] for g in left}
-    cost = _measured(plan, missing[left[0].name][0], _Sizes(store.artefacts)) if left else _Cost()
+    heard = progress or Progress()
+    cost = _measured(plan, missing[left[0].name][0], _Sizes(store.artefacts), heard) if left else _Cost()
     seconds, size, traces = 0.0, float(cost.scene), 0
     for group in left:
         pixels = group.camera.width * group.camera.height
@@ -242,7 +245,7 @@ class _Sizes(NullCache):
         return sum(x.nbytes for x in self._made.values())
 
 
-def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
+def _measured(plan: Plan, task: FrameTask, kept: _Sizes, heard: Progress) -> _Cost:
     job = plan.job
     longest = max(task.camera.width, task.camera.height)
     large = task.camera.scaled(min(1.0, _SIDES[1] / longest))
@@ -253,7 +256,9 @@ def _measured(plan: Plan, task: FrameTask, kept: _Sizes) -> _Cost:
     quick = replace(job, render=replace(job.render, spp=spp, indirect="traced"), output=output)
     sizes = _Sizes(kept)  # of the larger one, where heads of files count for less
     with tempfile.TemporaryDirectory() as folder:
-        scene = _ready(prepare(replace(quick, cameras=(large,)), kept), small, task)
+        whole = prepare(replace(quick, cameras=(large,)), kept, heard.note, progress=heard.making)
+        scene = _ready(whole, small, task)
+        heard.making("timing small frames", 0.0)
         _ = _once(scene, small, task, Path(folder))  # compiles kernels
         scene = _ready(prepare(scene.job, sizes, like=scene), small, task)
         second = _once(scene, _later(job, large, 2), task, Path(folder))

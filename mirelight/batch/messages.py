@@ -72,6 +72,10 @@ class Reporter(Progress):
         self._say(Word(FINISHED, (task.name, *(() if seconds is None else (seconds,)))))
         self.check()
 
+    def making(self, what: str, done: float) -> None:
+        """Says nothing, as every process makes the same."""
+        self.check()
+
     def failed(self, task: FrameTask, error: str) -> None:
         """A frame could not be made."""
         self._say(Word(FAILED, (task.name, error)))

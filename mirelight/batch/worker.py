@@ -38,7 +38,7 @@ class WorkerContext:
         self.store.hear(progress.note)
         self.store.open()
         self.store.index()
-        self._scene = prepare(job, self.store.artefacts, progress.note)
+        self._scene = prepare(job, self.store.artefacts, progress.note, progress=progress.making)
         self._scene.read()
         executor.keep_around(plan, self._scene, self.store)
 

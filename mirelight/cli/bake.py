@@ -54,7 +54,7 @@ def run_bake(args: argparse.Namespace) -> int:
     if lighting is None:
         raise InputError(work.source, "no light", "a bake needs lights", field="lights")
     with bar(args.quiet) as report:
-        scene = prepare(work)
+        scene = prepare(work, progress=report)
         factor = baking.factors(scene, lighting, spp=args.samples, progress=report)
         baked = baking.relit(_as_named(source, table, work, out), factor, work.relight_of(lighting))
         of = f"{work.source.name}, lighting {lighting.name}, {args.samples} spp"

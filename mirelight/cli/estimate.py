@@ -50,6 +50,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_estimate(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
+    from mirelight.cli.progress import bar
     from mirelight.estimate.describe import described, unknown
     from mirelight.io.environment import write_environment
     from mirelight.io.gltf.write import check_light
@@ -65,10 +66,12 @@ def run_estimate(args: argparse.Namespace) -> int:
     if out.suffix.lower() in GLTF:
         for light in lights:
             check_light(out, light)
-    scene = Scene(work, NullCache(), None if args.quiet else say.remark)  # unchecked: nothing is rendered of it
     sky = _sky(work, args.exposure, lights)
-    found = scene.estimate(sky)
-    scene.keep_estimate(sky, found)
+    with bar(args.quiet) as progress:
+        # unchecked: nothing is rendered of it
+        scene = Scene(work, NullCache(), None if args.quiet else say.remark, progress)
+        found = scene.estimate(sky)
+        scene.keep_estimate(sky, found)
     exr = out.with_suffix(".exr")
     lines, doubts = list(described(found)), list(unknown(found))
     around = found.lighting.environment

@@ -73,7 +73,7 @@ def run_match(args: argparse.Namespace) -> int:
     shots = [(x.camera, target) for x, target in zip(chosen, targets, strict=True)]
     with bar(args.quiet) as report:
         found = match(
-            prepare(work, report=_say(args.quiet)),
+            prepare(work, report=_say(args.quiet), progress=report),
             shots,
             lighting,
             free=args.lights,

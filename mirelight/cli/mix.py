@@ -94,11 +94,21 @@ def _mix(args: argparse.Namespace, work: Job, wanted: Sequence[str] | None, save
     def report(what: str, done: float) -> None:
         say.live(f"light on splats, {what}: {done:.0%}")
 
+    def shared(what: str, done: float) -> None:
+        if live:
+            say.live(f"{what}: {done:.0%}")
+
+    def note(line: str) -> None:
+        if live:
+            say.cleared()
+        if not args.quiet:
+            say.remark(line)
+
     store = Store(work)
     store.open()
     store.hear(say.remark)
     try:
-        scene = prepare(work, store.artefacts)
+        scene = prepare(work, store.artefacts, note, progress=shared)
         made = mixing.export(
             scene,
             args.out,

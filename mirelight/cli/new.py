@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mirelight.base.errors import InputError, OutputError
+from mirelight.base.progress import ShareProgress, quiet
 from mirelight.cli import options, outputs, say
 from mirelight.cli.command import Command
 from mirelight.io.suffixes import GLTF, SPLATS, USD
@@ -36,13 +37,16 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.apps.first_job import Wish, job_for
+    from mirelight.cli.progress import bar
     from mirelight.io.atomic import write_file
 
     out = outputs.named(args.out, "a job is", ".toml")
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
     objects = tuple(_object(x) for x in args.objects)
-    found = job_for(_capture(args.capture), out.parent, Wish(light=args.light, objects=objects, estimated=True))
+    wish = Wish(light=args.light, objects=objects, estimated=True)
+    with bar(args.json) as progress:
+        found = job_for(_capture(args.capture), out.parent, wish, progress)
     write_file(out, found.text)
     notes = (found.up, *found.notes, found.as_captured)
     go_on = f"{out} is written; go on with: mirelight render {shlex.quote(str(out))}"
@@ -88,9 +92,15 @@ def refuse_capture(path: str) -> None:
         raise InputError(path, "splats, not a job", remedy)
 
 
-def first_job(path: str, light: str, overrides: list[Override], note: Callable[[str], None]) -> Job:
+def first_job(
+    path: str,
+    light: str,
+    overrides: list[Override],
+    note: Callable[[str], None],
+    progress: ShareProgress = quiet,
+) -> Job:
     """The job that `mirelight new` would write here, without a file; `note` hears of meshes and cameras that are not
-    taken.
+    taken, `progress` of what is done.
 
     Raises:
         InputError: the capture or the light cannot be used.
@@ -99,7 +109,7 @@ def first_job(path: str, light: str, overrides: list[Override], note: Callable[[
     from mirelight.io import job
 
     capture = _capture(path)
-    found = job_for(capture, Path.cwd(), Wish(light=light))
+    found = job_for(capture, Path.cwd(), Wish(light=light), progress)
     for line in found.notes:
         note(line)
     return job.load_text(found.text, Path.cwd() / f"{capture.name.split('.')[0] or 'capture'}.toml", overrides)

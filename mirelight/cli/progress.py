@@ -106,6 +106,9 @@ class Tally:
     def stopping(self) -> None:
         """The run was told to stop and will, at the end of the step it is in."""
 
+    def making(self, what: str, done: float) -> None:
+        """How far something is that all frames share."""
+
     def note(self, line: str) -> None:
         """Something to know before the first frame."""
 
@@ -169,12 +172,13 @@ class Bar(Tally):
     def __init__(self) -> None:
         super().__init__()
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-        text = "{task.fields[frame]}", "{task.fields[samples]}", "{task.fields[frames]}", "{task.fields[clock]}"
-        name, samples, frames, clock = (TextColumn(part, markup=False) for part in text)
-        self._bar = Progress(name, BarColumn(), samples, frames, clock, console=Console(stderr=True), transient=True)
-        self._row = self._bar.add_task("", total=1.0, frame="reading the job", samples="", frames="", clock="")
+        text = "{task.fields[frame]}", "{task.fields[samples]}", "{task.fields[frames]}", "{task.fields[left]}"
+        name, samples, frames, left = (TextColumn(part, markup=False) for part in text)
+        columns = name, BarColumn(), samples, frames, TimeElapsedColumn(), left
+        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._row = self._bar.add_task("", total=1.0, frame="reading the job", samples="", frames="", left="")
 
     def __enter__(self) -> Self:
         self._bar.start()
@@ -202,6 +206,10 @@ class Bar(Tally):
         super().working(frames)
         self._show(f"{len(frames)} workers")
 
+    def making(self, what: str, done: float) -> None:
+        """In place of the frame's name, and of how far all frames are."""
+        self._bar.update(self._row, completed=done, frame=what, samples="")
+
     def note(self, line: str) -> None:
         """As a line above the bar."""
         self._bar.console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
@@ -211,14 +219,13 @@ class Bar(Tally):
         self._bar.update(self._row, frame="stopping")
 
     def _show(self, frame: str) -> None:
-        left = f", {duration(self.left)} left" if self.left is not None else ""
         self._bar.update(
             self._row,
             completed=(self.there + self.begun) / max(self.total, 1),
             frame=frame,
             samples=samples_of(self.samples_done, self.samples_total),
             frames=f"{self.there}/{self.total} frames",
-            clock=duration(self.elapsed) + left,
+            left=f"{duration(self.left)} left" if self.left is not None else "",
         )
 
 

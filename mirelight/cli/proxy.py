@@ -96,6 +96,7 @@ COMMAND = Command(
 
 def _of_job(args: argparse.Namespace, out: Path) -> int:
     """The command for a job: whatever its proxy is, in the world's axes."""
+    from mirelight.cli.progress import bar
     from mirelight.io import job
     from mirelight.io.gltf.write import holds_camera, write_glb
     from mirelight.pipeline.artefact_cache import NullCache
@@ -108,7 +109,8 @@ def _of_job(args: argparse.Namespace, out: Path) -> int:
     if work.proxy is None:
         raise InputError(work.source, "no proxy", 'name one: proxy = "splats" makes it', field="proxy")
     outputs.spare([out], outputs.files_of(work))
-    mesh = Scene(work, NullCache(), None if args.quiet else say.remark).proxy
+    with bar(args.quiet) as progress:
+        mesh = Scene(work, NullCache(), None if args.quiet else say.remark, progress).proxy
     assert mesh is not None
     cameras = [x for x in work.cameras if holds_camera(x)]
     write_glb(out, mesh, cameras=cameras)

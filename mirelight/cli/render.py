@@ -40,7 +40,9 @@ def run_render(args: argparse.Namespace) -> int:
             for line in warnings(frames):
                 tally.note(f"mirelight: {line}")
             if args.dry_run:
-                _say_forecast(forecast(frames), args.json)
+                with stop.Watched(tally) as watched:
+                    found = forecast(frames, watched)
+                _say_forecast(found, args.json)
                 return DONE
             store = Store(work)
             store.open()
@@ -138,7 +140,8 @@ def _load(args: argparse.Namespace, order: Order, tally: progress.Tally) -> Job:
         if value is not None:
             raise InputError(args.job, f"a splat file together with {option}", "write a job file first: mirelight new")
     tally.note("mirelight: looking at the capture")
-    work = new.first_job(args.job, light, order.overrides(), lambda line: tally.note(f"mirelight: {line}"))
+    heard = tally.making
+    work = new.first_job(args.job, light, order.overrides(), lambda line: tally.note(f"mirelight: {line}"), heard)
     if args.out is None:
         return work
     return replace(work, output=replace(work.output, directory=Path(args.out).absolute()))

@@ -39,7 +39,7 @@ def run_stage(args: argparse.Namespace) -> int:
     lighting = _lighting(work, args.lighting)
     frames = _frames(folder, order, work, lighting, out)
     with bar(args.quiet) as report:
-        scene = prepare(work)
+        scene = prepare(work, progress=report)
         baked = None
         if work.splats is not None:
             factor = baking.factors(scene, lighting, spp=_SAMPLES, progress=report)

@@ -68,6 +68,11 @@ class Watched(Signals, Progress):
         self._tally.note(f"mirelight: {line}")
         self.check()
 
+    def making(self, what: str, done: float) -> None:
+        """What all frames share."""
+        self._tally.making(what, done)
+        self.check()
+
     def failed(self, task: FrameTask, error: str) -> None:
         """A frame could not be made."""
         self._tally.failed(task, error)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirelight.base.errors import RenderError
+from mirelight.base.progress import ShareProgress, quiet
 from mirelight.estimate import fit, lamps
 from mirelight.estimate.descent import Found, fitted
 from mirelight.estimate.edges import spoken
@@ -31,6 +32,7 @@ def estimate(
     exposure: float = 0.0,
     lights: Sequence[Light] = (),
     views: Sequence[SplatLayer] = (),
+    progress: ShareProgress = quiet,
 ) -> Estimate:
     """The light that splats were captured under, as a sun, a sky, and up to three lamps.
 
@@ -41,6 +43,7 @@ def estimate(
         exposure: stops by which the light is stronger than it seems, where a person knows better.
         lights: that are known to have been there, but not how strong: their own colours and intensities do not count.
         views: as for :func:`mirelight.lighting.colored_by`.
+        progress: hears what is being done.
 
     Returns:
         The same to the bit for the same input.
@@ -49,6 +52,7 @@ def estimate(
         RenderError: too few splats lie on the proxy; none of them sees the sky through it.
         BackendError: the variant cannot be used on this machine.
     """
+    progress("looking where light comes from", 0.0)
     places = places_of(splats, proxy, settings, lights, views)
     if 1 - places.blocked < TUNING.least_open and not lights:
         raise RenderError(
@@ -58,13 +62,17 @@ def estimate(
     halves = [places.taken(np.arange(k, len(places), 2)) for k in (0, 1)]
     rng = np.random.default_rng(settings.seed)
     pairs = [fit.pairs_of(half.points, half.color, rng) for half in halves]
+    progress("looking for the sun by shadows' edges", 0.25)
     edges = spoken(places.close, np.random.default_rng(settings.seed))
+    progress("looking for the sun by what it lights", 0.4)
     suns = suns_by_half(halves, pairs, rng, edges)
+    progress("fitting sun and sky", 0.7)
     every = fit.pairs_of(places.points, places.color, rng)
     best, gain = best_of(places, every, suns, edges)
     if sun_share(places, best) < TUNING.least_share:
         best = fitted(places, every, None)
     found = [settled(half, p, best.sun and s) for half, p, s in zip(halves, pairs, suns, strict=True)]
+    progress("looking for lamps", 0.85)
     shining, lamp_gains = _lamps(halves, pairs, found[0], rng)
     if len(shining):
         told, firm = telling(places, every, best.sun)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mirelight.base.progress import CountProgress
+from mirelight.base.progress import CountProgress, ShareProgress, quiet
 from mirelight.model import (
     F32,
     F64,
@@ -52,13 +52,20 @@ T = TypeVar("T")
 class Prepared:
     """The parts of a job that light of views, of the surface and of splats is made from."""
 
-    def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self,
+        job: Job,
+        kept: ArtefactCache,
+        report: Callable[[str], None] | None = None,
+        progress: ShareProgress = quiet,
+    ) -> None:
         self.job = job
         self.keys = keys.Keys(job)
         self.kept = kept
         self.clock = FrameClock()
         self._of_user = UserCache()
         self._report = report
+        self._progress_of_parts = progress
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
 
     @cached_property
@@ -92,7 +99,7 @@ class Prepared:
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
-            made = made_by(job.made_proxy, lambda: self._guess)
+            made = made_by(job.made_proxy, lambda: self._guess, self._progress_of_parts)
             self._share(key, made, MESH)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return self._painted(job.proxy.value)
@@ -120,6 +127,7 @@ class Prepared:
             variant=job.render.variant,
             threads=job.render.threads,
             report=self._tell,
+            progress=self._progress_of_parts,
             guess=lambda: self._guess,
         )
         if views and not job.capture_pictures:
@@ -237,7 +245,7 @@ class Prepared:
             splats, mesh = self.splats, self.mesh
             assert splats is not None and mesh is not None
             settings = replace(self.job.render, seed=sky.seed)
-            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views)
+            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views, self._progress_of_parts)
             self._of_user.put(key, found, codec)
         return found
 

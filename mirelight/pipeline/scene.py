@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from mirelight import relighting
+from mirelight.base.progress import ShareProgress, quiet
 from mirelight.model import (
     F32,
     Camera,
@@ -39,7 +40,12 @@ if TYPE_CHECKING:
 
 
 def prepare(
-    job: Job, kept: ArtefactCache | None = None, report: Callable[[str], None] | None = None, like: Scene | None = None
+    job: Job,
+    kept: ArtefactCache | None = None,
+    report: Callable[[str], None] | None = None,
+    like: Scene | None = None,
+    *,
+    progress: ShareProgress = quiet,
 ) -> Scene:
     """The job made ready for its frames. Returns at once: files are read, and artefacts made, when they are needed.
 
@@ -48,6 +54,7 @@ def prepare(
         kept: where artefacts are found and kept; None: nowhere.
         report: called with a line before and after something that takes long is made.
         like: a scene whose parts are taken over where this job would make the same, as of the job before an edit.
+        progress: hears how far such a thing is: the proxy, the capture's views, its light.
 
     Raises:
         InputError: the job cannot be rendered: nothing in it, lights without a proxy, a mode without what it needs.
@@ -55,7 +62,7 @@ def prepare(
     if not isinstance(job, Job):
         raise TypeError(f"prepare() takes a job as mirelight.load gives it, not {type(job).__name__}")
     check(job)
-    made = Scene(job, kept or NullCache(), report)
+    made = Scene(job, kept or NullCache(), report, progress)
     if like is not None:
         made.take_over(like)
     return made
@@ -68,8 +75,14 @@ def _digest(part: Deferred[Any] | None) -> str:
 class Scene(Prepared):
     """What all frames of a job share. Made by :func:`prepare`; not to be sent to another process (send the job)."""
 
-    def __init__(self, job: Job, kept: ArtefactCache, report: Callable[[str], None] | None = None) -> None:
-        super().__init__(job, kept, report)
+    def __init__(
+        self,
+        job: Job,
+        kept: ArtefactCache,
+        report: Callable[[str], None] | None = None,
+        progress: ShareProgress = quiet,
+    ) -> None:
+        super().__init__(job, kept, report, progress)
         self._view: ViewLight | None = None
         self._view_with_objects: ViewLight | None = None
         self._view_of_lobes: ViewLight | None = None
@@ -137,7 +150,7 @@ class Scene(Prepared):
     def for_pinholes(self) -> Scene:
         """The same for the pinholes of a lens or an open shutter: what each sees is kept in memory alone."""
         like = self.ready(lit=bool(self.job.lightings))
-        return prepare(self.job, MemoryCache(self.kept), self._report, like=like)
+        return prepare(self.job, MemoryCache(self.kept), self._report, like, progress=self._progress_of_parts)
 
     def read(self) -> None:
         """Read the splats, and read or make the proxy where light falls on it. Otherwise that comes when it is needed.

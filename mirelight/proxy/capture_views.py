@@ -14,6 +14,7 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.base.errors import InputError
+from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.compositor import Compositor
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
 from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
@@ -38,6 +39,7 @@ def capture_views(
     variant: Variant = "llvm_ad_rgb",
     threads: int | None = None,
     report: Callable[[str], None] | None = None,
+    progress: ShareProgress = quiet,
     guess: Guess | None = None,
 ) -> tuple[SplatLayer, ...]:
     """What the cameras of the capture see; where none are known, guessed ones, if the splats tell of any; of discs,
@@ -51,6 +53,7 @@ def capture_views(
         variant: where they are composited.
         threads: worker threads, process-wide; None: as they are.
         report: gets a line on pictures that are not used.
+        progress: hears how many views are there.
         guess: gives those that are guessed; None: that is done now.
     """
     if not any(pictures) and are_discs(splats):
@@ -61,7 +64,10 @@ def capture_views(
         return ()
     compositor = Compositor(splats, variant=variant, threads=threads)
     step = -(-len(cameras) // MOST_VIEWS)
-    views = [compositor.composite(x.resized(*view_size(x.width, x.height))) for x in cameras[::step]]
+    views = [
+        compositor.composite(x.resized(*view_size(x.width, x.height)))
+        for x in passed(cameras[::step], progress, "looking through the capture's cameras")
+    ]
     photographs, refused, strangers = dict[int, F32](), list[str](), 0
     exposures = np.full(len(views), np.nan)
     for k, (view, picture) in enumerate(zip(views, pictures[::step], strict=bool(pictures))):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.base.errors import InputError
-from mirelight.base.progress import ShareProgress, part, quiet
+from mirelight.base.progress import ShareProgress, part, passed, quiet
 from mirelight.base.together import each
 from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
@@ -37,6 +37,7 @@ from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
 from mirelight.proxy.views import around, fewer, from_points, held_up, moved
 
+DEPTHS = "taking depth maps"
 _DEFAULT = ProxySettings()
 
 
@@ -91,14 +92,14 @@ def make(
             capture, spacing=max(capture.spacing, TUNING.make_grain * footprint(through, capture.splats.means))
         )
         maps = DepthMaps(capture, settings)
-        views = [maps.of(camera) for camera in counted(through, part(report, 0.05, 0.3))]
+        views = [maps.of(camera) for camera in passed(through, part(report, 0.05, 0.3), DEPTHS)]
         _refuse_depth(capture, maps, views, len(cameras), source)
         if not there:
             views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
-        report("smoothing depth maps", 0.4)
-        views = each(partial(slanted, noise=capture.spacing), views)
+        smooth = partial(slanted, noise=capture.spacing)
+        views = each(smooth, views, part(report, 0.4, 0.43), "smoothing depth maps")
         if there:
-            views = agreed(views, settings, capture.spacing, part(report, 0.4, 0.55), guessed=not cameras)
+            views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
         found = _fused(capture, views, held_up(cameras), part(report, 0.55, 0.75))
         soup, shown = found.soup, [] if found.sky.fog else found.views
         if there and (core := core_of(capture, there)):
@@ -125,7 +126,7 @@ def make(
     )
 
 
-def refuse_fog(splats: SplatCloud, source: str | Path) -> None:
+def refuse_fog(splats: SplatCloud, source: str | Path, progress: ShareProgress = quiet) -> None:
     """What :func:`make` does before it makes anything of splats: a look at them from around.
 
     Raises:
@@ -135,7 +136,8 @@ def refuse_fog(splats: SplatCloud, source: str | Path) -> None:
     capture = look_at_capture(splats, source)
     if _method(capture, _DEFAULT) == "depth":
         maps = DepthMaps(capture, _DEFAULT)
-        _refuse_depth(capture, maps, [maps.of(camera) for camera in _around(capture)], 0, source)
+        views = [maps.of(camera) for camera in passed(_around(capture), progress, DEPTHS)]
+        _refuse_depth(capture, maps, views, 0, source)
 
 
 def _method(capture: Capture, settings: ProxySettings) -> Method:
@@ -167,7 +169,8 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         flats = closed_by(flats, lids)
     if sky.fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
-    views = each(lambda view: flattened(view, flats, TUNING.plane_tolerance * capture.spacing, sky), views)
+    on_planes = partial(flattened, flats=flats, tolerance=TUNING.plane_tolerance * capture.spacing, sky=sky)
+    views = each(on_planes, views, part(report, 0.2, 0.3), "moving pixels onto planes")
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8))
     report("finding the surface", 0.8)
@@ -194,8 +197,9 @@ def _detailed(
     report("looking closer", 0.0)
     margin = TUNING.detail_margin * capture.spacing
     maps = DepthMaps(replace(capture, spacing=core.spacing), settings)
-    shown = [maps.of(camera) for camera in core.cameras]
-    views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown)
+    shown = [maps.of(camera) for camera in passed(core.cameras, part(report, 0.0, 0.15), DEPTHS)]
+    smooth = part(report, 0.15, 0.2), "smoothing depth maps"
+    views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown, *smooth)
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
@@ -214,7 +218,7 @@ def _inside(
         return []
     pixels = max(max(x.camera.width, x.camera.height) for x in outer)
     looked = from_points(places(capture), pixels, 1e-3 * capture.radius)
-    inner = [maps.of(camera) for camera in counted(looked, report)]
+    inner = [maps.of(camera) for camera in passed(looked, report, DEPTHS)]
     # else it is hidden in the solid
     return inner if settings.views == "inside" or hidden_share(capture, outer + inner) < 0.5 * hidden else []
 
@@ -243,12 +247,6 @@ def _around(capture: Capture) -> tuple[Camera, ...]:
         2 * capture.half.max() / (TUNING.make_pixel * capture.spacing), TUNING.make_fewest_pixels, TUNING.view_pixels
     )
     return around(capture.splats.means, capture.radius, TUNING.view_orbit, int(pixels))
-
-
-def counted(cameras: Sequence[Camera], report: ShareProgress) -> Iterator[Camera]:
-    for done, camera in enumerate(cameras):
-        report("taking depth maps", done / len(cameras))
-        yield camera
 
 
 def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], cameras: int, source: str | Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from mirelight.base.progress import ShareProgress, quiet
 from mirelight.model import Job, OwnSplats, ProxyMesh, ProxyRecipe
 from mirelight.proxy.guessed import Guess, taken_as_placed
 from mirelight.proxy.make import make
@@ -23,11 +24,12 @@ def mesh_of(job: Job) -> ProxyMesh | None:
     return None if job.proxy is None else job.proxy.value
 
 
-def made_by(recipe: ProxyRecipe, guess: Guess) -> ProxyMesh:
+def made_by(recipe: ProxyRecipe, guess: Guess, progress: ShareProgress = quiet) -> ProxyMesh:
     """The mesh of a recipe, without a job's albedo; made now if it was not yet, by guessed cameras where none are
     known. Raises as :func:`mesh_of`."""
     if not recipe.mesh.is_there:
-        made = make(recipe.splats.value, settings_of(recipe), cameras=recipe.cameras, source=recipe.source, guess=guess)
+        splats, settings = recipe.splats.value, settings_of(recipe)
+        made = make(splats, settings, progress, cameras=recipe.cameras, source=recipe.source, guess=guess)
         recipe.mesh.supply(made.mesh)
     return recipe.mesh.value
 

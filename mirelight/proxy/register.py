@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.base.errors import InputError
-from mirelight.base.progress import ShareProgress, part, quiet
+from mirelight.base.progress import ShareProgress, part, passed, quiet
 from mirelight.model import F32, F64, Camera, ProxyMesh, SplatCloud, triangles
 from mirelight.proxy.advice import best_guess
 from mirelight.proxy.capture import Capture, look_at_capture, normals_of
 from mirelight.proxy.depth import DepthMap, DepthMaps
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import seen_by
-from mirelight.proxy.make import counted, refuse_strangers
+from mirelight.proxy.make import DEPTHS, refuse_strangers
 from mirelight.proxy.mesh_tuning import MESH
 from mirelight.proxy.sampling import spread_on
 from mirelight.proxy.sighted import Fit, sighted, small_step
@@ -84,10 +84,10 @@ def _views(capture: Capture, cameras: Sequence[Camera], report: ShareProgress) -
     if cameras:
         there = [moved(camera, -capture.middle) for camera in cameras]
         refuse_strangers(capture, there, "splats")
-        views = [maps.of(camera) for camera in counted(seen_by(there), report)]
+        views = [maps.of(camera) for camera in passed(seen_by(there), report, DEPTHS)]
     else:
         outer = around(capture.splats.means, capture.radius, MESH.judge_views, MESH.judge_pixels)
-        views = [maps.of(camera) for camera in counted(outer, report)]
+        views = [maps.of(camera) for camera in passed(outer, report, DEPTHS)]
         if hidden_share(capture, views) > TUNING.inside_hidden:
             inner = from_points(places(capture), MESH.judge_pixels // 2, 1e-3 * capture.radius)
             views += [maps.of(camera) for camera in inner]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 from mirelight.batch.pace import Costs, Pace
-from mirelight.cli.progress import Lines, Tally, duration, samples_of
+from mirelight.cli.progress import Bar, Lines, Tally, duration, samples_of
 from mirelight.model import Camera
 from mirelight.pipeline.frame_clock import FrameClock, for_all_frames
 from mirelight.pipeline.plan import FrameTask
@@ -213,3 +215,18 @@ def test_costs_from_a_journal() -> None:
     assert costs is not None and costs.places[:3] == (15.0, 3.0, 1.0)
     assert costs.left([(3, 0), (3, 2)], 1) == 20.0 and costs.left([(3, 0), (3, 0), (3, 0)], 2) == 28.5
     assert Costs.of([], wanted) is None
+
+
+def test_a_bar_shows_what_all_frames_share_and_how_long_it_took(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    monkeypatch.setenv("COLUMNS", "120")
+    frame = task("a.day")
+    with Bar() as bar:
+        bar.started([frame])
+        bar.making("taking depth maps", 0.3)
+        bar._bar.refresh()
+        bar.finished(frame, 1.0)
+    shown = terminal.getvalue()
+    assert "taking depth maps" in shown and "0:00:0" in shown and "1/1 frames" in shown

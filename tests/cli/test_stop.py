@@ -37,6 +37,16 @@ def test_the_first_signal_waits_for_the_next_call(number: signal.Signals, error:
     assert signal.getsignal(number) is before
 
 
+def test_a_signal_ends_what_all_frames_share_between_two_steps() -> None:
+    reached = False
+    with pytest.raises(KeyboardInterrupt), Watched(Tally()) as watched:
+        watched.making("taking depth maps", 0.1)
+        os.kill(os.getpid(), signal.SIGINT)
+        reached = True
+        watched.making("taking depth maps", 0.2)
+    assert reached
+
+
 def test_the_second_signal_does_not_wait() -> None:
     reached = False
     with pytest.raises(KeyboardInterrupt), Watched(Tally()):

@@ -15,6 +15,7 @@ import mirelight
 from mirelight import cli
 from mirelight.base.errors import InputError
 from mirelight.batch import executor
+from mirelight.batch.forecast import forecast
 from mirelight.io import splats
 from mirelight.io.exr import read_exr
 from mirelight.pipeline import keys
@@ -46,9 +47,13 @@ def job(tmp_path: Path) -> Path:
 class Noted(executor.Progress):
     def __init__(self) -> None:
         self.lines: list[str] = []
+        self.made: list[tuple[str, float]] = []
 
     def note(self, line: str) -> None:
         self.lines.append(line)
+
+    def making(self, what: str, done: float) -> None:
+        self.made.append((what, done))
 
 
 def rendered(work: mirelight.Job) -> list[str]:
@@ -75,6 +80,39 @@ def test_it_is_made_once_and_found_again(job: Path, cache: Path) -> None:
         kept.write_bytes(kept.read_bytes()[:100])  # a damaged one is made anew
     assert len(rendered(mirelight.load(job))) == 2
     assert frame.read_bytes() == before
+
+
+class Stopped(Noted):
+    """A signal has come while the mesh is made."""
+
+    def making(self, what: str, done: float) -> None:
+        super().making(what, done)
+        if done > 0:
+            raise KeyboardInterrupt
+
+
+def test_whoever_waits_hears_how_far_it_is_and_may_stop_it(job: Path, cache: Path) -> None:
+    work = mirelight.load(job)
+    store, stopped, noted = Store(work), Stopped(), Noted()
+    store.open()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            executor.run(plan(work), store, stopped)
+        executor.run(plan(work), store, noted)  # nothing of it was kept
+    finally:
+        store.close()
+    assert any("making the proxy mesh" in line for line in noted.lines)
+    assert noted.made[0] == stopped.made[0] == ("looking at the splats", 0.0)
+    assert "judging the proxy" in dict(noted.made)
+    assert all(0 <= done <= 1 for _, done in noted.made)
+
+
+def test_a_forecast_keeps_it_and_says_so(job: Path, cache: Path) -> None:
+    noted = Noted()
+    forecast(plan(mirelight.load(job)), noted)
+    assert "making the proxy mesh" in noted.lines[0]
+    assert {"looking at the splats", "timing small frames"} <= {what for what, _ in noted.made}
+    assert rendered(mirelight.load(job)) == []
 
 
 def test_it_is_found_from_any_folder(job: Path, cache: Path, capsys: pytest.CaptureFixture[str]) -> None:

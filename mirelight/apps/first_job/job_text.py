@@ -15,6 +15,7 @@ from mirelight.apps.first_job.toml_text import Names, position, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
+from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.estimate.tuning import TUNING
 from mirelight.model import Camera, SplatCloud
 from mirelight.pipeline.guesses import guessed_of_file
@@ -52,13 +53,14 @@ class FirstJob:
     notes: tuple[str, ...]  # what beside the capture is of no use, and why; what objects' files hold
 
 
-def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
+def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: ShareProgress = quiet) -> FirstJob:
     """The text of a first job for a capture.
 
     Args:
         capture: a splat file.
         folder: where the job will be, which its paths are relative to.
         wish: what is asked of it.
+        progress: hears what is being done.
 
     Raises:
         InputError: the capture, or the light that was asked for, cannot be used.
@@ -70,16 +72,15 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     text = None if wish.light or wish.objects else stage_text.of_stage(capture, folder, wish.resolution)
     if text is not None:
         return FirstJob(text, stage_text.said(capture), "Its own lights light it as they stand.", ())
+    progress("reading the splats", 0.0)
     cloud = splats.read(capture)
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
     cameras, unread = beside.cameras(capture)
     own_guess = cache(partial(guessed_of_file, capture, cloud))
-    if wish.up is None:
-        poses = () if cameras is None else [x.world_from_camera for x in cameras.cameras]
-        found = up.find(cloud, capture, poses, own_guess)
-    else:
-        found = up.Up(conventions.unit(wish.up), "as it was said", False)
+    progress("looking at the splats", 0.1)
+    poses = () if cameras is None else [x.world_from_camera for x in cameras.cameras]
+    found = up.find(cloud, capture, poses, own_guess) if wish.up is None else up.said(wish.up)
     turn = conventions.rotation_from_euler(found.euler)
     m = np.eye(4)
     m[:3, :3] = turn
@@ -93,14 +94,15 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
         return [views.placed(x, m) for x in own_guess()]
 
     placed = () if looking is None else looking.placed(turn)
-    seen = view.best(world, str(capture), placed, guess=lambda: view.aimed(cloud, guess), outside=outside)
+    aimed = partial(view.aimed, cloud, guess)
+    seen = view.best(world, str(capture), placed, guess=aimed, outside=outside, progress=part(progress, 0.3, 0.8))
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
     asked = known is None and (bool(wish.objects) or (wish.estimated and proxy is None and looking is not None))
     assumed = seen.luminance / TUNING.mean_albedo if asked and not wish.objects else 1.0
     level = assumed if known is None else known.level
     if proxy is None:
-        _refuse_no_surface(capture, world, seen, misfit)
+        _refuse_no_surface(capture, world, seen, misfit, part(progress, 0.8, 1.0))
     lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
     which_way = _up(cloud, found)
     lines = [
@@ -126,7 +128,9 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish()) -> FirstJob:
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, notes)
 
 
-def _refuse_no_surface(capture: Path, world: SplatCloud, seen: view.FirstView, misfit: beside.Misfit | None) -> None:
+def _refuse_no_surface(
+    capture: Path, world: SplatCloud, seen: view.FirstView, misfit: beside.Misfit | None, progress: ShareProgress
+) -> None:
     """A job without a mesh renders nothing, and of some splats none can be made."""
     from mirelight.proxy.capture import solid_part
     from mirelight.proxy.make import refuse_fog
@@ -134,7 +138,7 @@ def _refuse_no_surface(capture: Path, world: SplatCloud, seen: view.FirstView, m
     try:
         solid_part(world, capture)
         if seen.depth > _DEEP:
-            refuse_fog(world, capture)
+            refuse_fog(world, capture, progress)
     except InputError as refused:
         other = (
             "put a mesh beside it: proxy.glb"

@@ -89,6 +89,11 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = (), guess: Gues
     return Up(_neat(floor.way), why + (", and on which things stand" if floor.ceiling else ""), False)
 
 
+def said(way: Sequence[float]) -> Up:
+    """Up as somebody said it, (3,) of any length, in the splats' own axes."""
+    return Up(conventions.unit(way), "as it was said", False)
+
+
 def some_discs(cloud: SplatCloud, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.intp], F64, F64]:
     """Rows of some of the splats (N,) that are wanted; what each covers, by its opacity; its normal, of either sign."""
     rows = np.flatnonzero(wanted)

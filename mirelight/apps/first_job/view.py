@@ -10,6 +10,7 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.base.errors import InputError
+from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.model import F64, Camera, SplatCloud, SplatLayer
 from mirelight.proxy.depth import pixels_of
 from mirelight.proxy.guessed import Guess, taken_from
@@ -65,6 +66,7 @@ def best(
     *,
     guess: Guess | None = None,
     outside: bool = False,
+    progress: ShareProgress = quiet,
 ) -> FirstView:
     """The view to show first.
 
@@ -75,6 +77,7 @@ def best(
             guessed to have stood, if the splats tell.
         guess: gives guessed cameras; None: that is done now.
         outside: whether it is known to be no room, closed as it may be.
+        progress: hears how many views are looked at.
 
     Raises:
         InputError: nothing is to be seen of it from anywhere.
@@ -109,7 +112,7 @@ def best(
         # who took pictures aimed at things; guessed cameras may have them at the rim
         return score * _whole(layer) if stood and not captured else score
 
-    shown = (compositor.composite(camera, depth=True) for camera in views)
+    shown = (compositor.composite(x, depth=True) for x in passed(views, progress, "looking for a first view"))
     score, layer = max(((worth(x), x) for x in shown), key=lambda x: x[0])
     if not score > 0:
         raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")

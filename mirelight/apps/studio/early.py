@@ -38,7 +38,7 @@ class Few:
         of = np.sort(np.random.default_rng(0).permutation(len(splats))[:FEW])
         parts = {name: getattr(splats, name)[of] for name in ("means", "quats", "scales", "opacities", "sh")}
         self.splats = Deferred.of(replace(splats, **parts))
-        distance, index = cKDTree(parts["means"]).query(splats.means, k=min(NEAR, len(of)))
+        distance, index = cKDTree(parts["means"]).query(splats.means, k=min(NEAR, len(of)), workers=-1)
         size = float(np.linalg.norm(np.ptp(splats.means, axis=0))) or 1.0
         weight = 1 / (distance.reshape(len(splats), -1) + 1e-6 * size)
         self._index: I32 = index.reshape(len(splats), -1).astype(np.int32)

@@ -49,11 +49,13 @@ def carry_out(asked: Ordered, say: Say) -> None:
         if asked.camera:
             _render(asked, store, say)
             return
-        scene = prepare(work, store.artefacts, lambda line: say(line=line))
+        making = _Making(say)
+        scene = prepare(work, store.artefacts, lambda line: say(line=line), progress=making.heard)
         mesh = scene.mesh
         say(proxy=0 if mesh is None else len(mesh.faces))
         if asked.estimates:
-            with_found = prepare(jobs.load_text(asked.estimates, asked.path), store.artefacts, like=scene)
+            other = jobs.load_text(asked.estimates, asked.path)
+            with_found = prepare(other, store.artefacts, like=scene, progress=making.heard)
             scene = with_found if _estimate(with_found, say) else scene
         say(line=early.REFINING)
         early.make(scene)
@@ -89,9 +91,23 @@ def _render(asked: Ordered, store: Store, say: Say) -> None:
         say(picture=str(store.folder / f"{task.name}.png"), finished=task.name)
 
 
+class _Making:
+    """Says how far something is that takes long, whenever it is a percent further."""
+
+    def __init__(self, say: Say) -> None:
+        self._say, self._line = say, ""
+
+    def heard(self, what: str, done: float) -> None:
+        line = f"{what}: {done:.0%}"
+        if line != self._line:
+            self._line = line
+            self._say(line=line)
+
+
 class _Heard(executor.Progress):
     def __init__(self, say: Say) -> None:
         self._say, self._share, self.error = say, -1.0, ""
+        self._making = _Making(say)
 
     def samples(self, task: FrameTask, done: int, total: int) -> None:
         share = done / max(total, 1)
@@ -101,6 +117,9 @@ class _Heard(executor.Progress):
 
     def note(self, line: str) -> None:
         self._say(line=line)
+
+    def making(self, what: str, done: float) -> None:
+        self._making.heard(what, done)
 
     def failed(self, task: FrameTask, error: str) -> None:
         self.error = error

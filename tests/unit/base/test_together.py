@@ -19,6 +19,26 @@ def test_results_come_in_the_order_of_items(monkeypatch: pytest.MonkeyPatch, thr
     assert each(lambda k: k, []) == []
 
 
+def test_whoever_waits_hears_of_each_and_may_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "_threads", lambda: 2)
+    heard: list[tuple[str, float]] = []
+    each(lambda k: k, range(4), lambda what, done: heard.append((what, done)), "counting")
+    assert heard == [("counting", 0.25), ("counting", 0.5), ("counting", 0.75), ("counting", 1.0)]
+
+    def stop(what: str, done: float) -> None:
+        raise KeyboardInterrupt
+
+    begun: list[int] = []
+
+    def do(k: int) -> None:
+        begun.append(k)
+        time.sleep(0.01)
+
+    with pytest.raises(KeyboardInterrupt):
+        each(do, range(1000), stop)
+    assert len(begun) < 1000
+
+
 def test_several_are_at_work_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(together, "_threads", lambda: 2)
     met = threading.Barrier(2, timeout=30)  # one after the other, the first would wait in vain

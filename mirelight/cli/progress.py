@@ -26,7 +26,7 @@ def bar(silent: bool) -> Iterator[ShareProgress]:
 
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        row = shown.add_task("reading the job", total=1.0)
+        row = shown.add_task("reading", total=1.0)
         yield lambda what, done: shown.update(row, description=what, completed=done)
 
 

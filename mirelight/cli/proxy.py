@@ -132,7 +132,7 @@ def _made(
     cameras = _cameras(args.cameras) if args.cameras is not None else ()
     if args.fit is None:
         settings = ProxySettings(triangles=args.triangles, ceiling=not args.no_ceiling)
-        guess = partial(guessed_of_file, Path(args.splats), cloud)
+        guess = partial(guessed_of_file, Path(args.splats), lambda: cloud)
         made = make(cloud, settings, report, cameras=cameras, source=args.splats, guess=guess)
         how = f"by {_METHODS[made.method]}, in {made.seconds:.0f} s"
         if cameras:

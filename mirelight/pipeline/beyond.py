@@ -11,22 +11,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.model import F32, F64, Camera, ProxyMesh, SplatLayer, triangles
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
 
+_ROWS = 1 << 17  # points at a time
 _MARKS = 400_000  # points on the proxy that distances are measured to
 _ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's longer side: up to here on, from here off
 
 
-def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
+def distances(points: F32, mesh: ProxyMesh, threads: int | None = None, progress: ShareProgress = quiet) -> F32:
     """(N,) distance of points (N, 3) to a mesh, world units, at most as much too small as points on it lie apart.
 
     Args:
         points: anywhere.
         mesh: of any area; without any all is infinitely far.
         threads: that may be used; None: all.
+        progress: hears how many are known.
     """
     from scipy.spatial import cKDTree
 
@@ -37,8 +40,13 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None) -> F32:
     if not area > 0:
         return np.full(len(points), np.inf, np.float32)
     marks = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), _MARKS)
-    away, _ = cKDTree(marks).query(points.astype(np.float64), workers=threads or -1)
-    return np.asarray(np.maximum(away - np.sqrt(area / len(marks)), 0), dtype=np.float32)
+    tree, apart = cKDTree(marks), np.sqrt(area / len(marks))
+    out = np.empty(len(points), np.float32)
+    for first in passed(range(0, len(points), _ROWS), progress, "looking how far splats lie from the proxy"):
+        rows = slice(first, first + _ROWS)
+        away, _ = tree.query(points[rows].astype(np.float64), workers=threads or -1)
+        out[rows] = np.maximum(away - apart, 0)
+    return out
 
 
 def off_proxy(seen: F64) -> F64:

@@ -37,16 +37,16 @@ def guessed(own: OwnSplats, settings: ProxySettings, find: Find, keep: Keep) -> 
     return tuple(placed(camera, own.world_from_own) for camera in found)
 
 
-def guessed_of_file(path: Path, cloud: SplatCloud) -> Cameras:
+def guessed_of_file(path: Path, read: Callable[[], SplatCloud]) -> Cameras:
     """:func:`guessed` of a splat file, in its own axes, kept where jobs of it find it.
 
     Args:
         path: the file.
-        cloud: as it has it.
+        read: gives the splats as it has them, where nothing is kept.
     """
     from mirelight.io.job.hashing import digest as digest_of_file
     from mirelight.io.job.hashing import digest_of_splats
 
     known = digest_of_splats([(digest_of_file(path), SplatFile(path=path))])
     kept = UserCache()
-    return guessed(OwnSplats.of_world(Deferred(known, lambda: cloud)), ProxySettings(), kept.get, kept.put)
+    return guessed(OwnSplats.of_world(Deferred(known, read)), ProxySettings(), kept.get, kept.put)

@@ -65,13 +65,15 @@ class Prepared:
         self.clock = FrameClock()
         self._of_user = UserCache()
         self._report = report
-        self._progress_of_parts = progress
+        self._progress = progress
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
 
     @cached_property
     @for_all_frames
     def splats(self) -> SplatCloud | None:
         """The splats in world space."""
+        if self.job.splats is not None:
+            self._progress("reading the splats", 0.0)
         cloud = None if self.job.splats is None else self.job.splats.value
         if cloud is not None and cloud.dropped:
             self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
@@ -99,7 +101,7 @@ class Prepared:
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
-            made = made_by(job.made_proxy, lambda: self._guess, self._progress_of_parts)
+            made = made_by(job.made_proxy, lambda: self._guess, self._progress)
             self._share(key, made, MESH)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return self._painted(job.proxy.value)
@@ -127,7 +129,7 @@ class Prepared:
             variant=job.render.variant,
             threads=job.render.threads,
             report=self._tell,
-            progress=self._progress_of_parts,
+            progress=self._progress,
             guess=lambda: self._guess,
         )
         if views and not job.capture_pictures:
@@ -164,6 +166,7 @@ class Prepared:
 
         colors = self.kept.get(self.keys.proxy, ARRAY)
         if colors is None:
+            self._progress("finding the proxy's colours", 0.0)
             found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render, self.views)
             finding = frame_diagnostics.of_colors(found.met, found.lit, own=job.made_proxy is not None)
             if finding is not None:
@@ -190,6 +193,7 @@ class Prepared:
 
         found = self.kept.get(self.keys.captured_level, ARRAY)
         if found is None:
+            self._progress("measuring the captured light", 0.0)
             level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render, self.views)
             found = np.array([level], np.float64)
             self.kept.put(self.keys.captured_level, found, ARRAY)
@@ -245,7 +249,7 @@ class Prepared:
             splats, mesh = self.splats, self.mesh
             assert splats is not None and mesh is not None
             settings = replace(self.job.render, seed=sky.seed)
-            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views, self._progress_of_parts)
+            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views, self._progress)
             self._of_user.put(key, found, codec)
         return found
 
@@ -313,6 +317,7 @@ class Prepared:
 
         render = self.job.render
         assert self.splats is not None
+        self._progress("handing the splats to the compositor", 0.0)
         return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
 
     @cached_property
@@ -324,7 +329,7 @@ class Prepared:
         key, threads = self.keys.splat_distances, self.job.render.threads
 
         def make() -> F32:
-            return beyond.distances(splats.means, mesh, threads)
+            return beyond.distances(splats.means, mesh, threads, self._progress)
 
         return made_once(self.kept, f"distances {key[:24]}", key, array_of((len(splats),)), make)
 
@@ -345,6 +350,7 @@ class Prepared:
 
         assert self.proxy is not None
         job = self.job
+        self._progress("handing the proxy to the path tracer", 0.0)
         return tracer(
             self.proxy, job.render, layers=requirements.keeps_lights_apart(job), aovs=requirements.wants_aovs(job)
         )

@@ -77,24 +77,24 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
     cameras, unread = beside.cameras(capture)
-    own_guess = cache(partial(guessed_of_file, capture, cloud))
+    own_guess = cache(partial(_guessed, capture, progress))
     progress("looking at the splats", 0.1)
     poses = () if cameras is None else [x.world_from_camera for x in cameras.cameras]
     found = up.find(cloud, capture, poses, own_guess) if wish.up is None else up.said(wish.up)
     turn = conventions.rotation_from_euler(found.euler)
-    m = np.eye(4)
-    m[:3, :3] = turn
+    m = conventions.compose(rotation=turn)
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
     meshes = [objects.MeshFile.read(*x) for x in wish.objects]
     proxy, misfit = beside.proxy(capture, cloud, turn)
     looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
     outside = cameras is not None and beside.around(cameras, cloud)
+    del cloud  # it may take as much memory as the world does
 
     def guess() -> list[Camera]:
         return [views.placed(x, m) for x in own_guess()]
 
     placed = () if looking is None else looking.placed(turn)
-    aimed = partial(view.aimed, cloud, guess)
+    aimed = partial(view.aimed, world, guess)
     seen = view.best(world, str(capture), placed, guess=aimed, outside=outside, progress=part(progress, 0.3, 0.8))
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
@@ -104,7 +104,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     if proxy is None:
         _refuse_no_surface(capture, world, seen, misfit, part(progress, 0.8, 1.0))
     lit, dark = lighting.files(capture, seen.target, wish.light, proxy)
-    which_way = _up(cloud, found)
+    which_way = _up(world, found)
     lines = [
         f"# {printable(capture.name)}: written by `mirelight new`. Every key: {page('job file')}",
         *_splats(capture, which_way, found, named),
@@ -126,6 +126,13 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     ]
     notes = (*(str(x) for x in (misfit, unread, *dark) if x is not None), *(x.said for x in meshes if x.said))
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, notes)
+
+
+def _guessed(capture: Path, progress: ShareProgress) -> tuple[Camera, ...]:
+    from mirelight.io import splats
+
+    progress("guessing where it was taken from", 0.15)
+    return guessed_of_file(capture, partial(splats.read, capture))
 
 
 def _refuse_no_surface(

@@ -36,7 +36,7 @@ def run_bake(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, progress to stderr."""
     from mirelight.apps import bake as baking
     from mirelight.base.version import __version__
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.io import splats
     from mirelight.io.job import parse
     from mirelight.io.job.build import build

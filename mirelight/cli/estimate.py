@@ -50,7 +50,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_estimate(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.estimate.describe import described, unknown
     from mirelight.io.environment import write_environment
     from mirelight.io.gltf.write import check_light

@@ -31,6 +31,7 @@ def run_inspect(args: argparse.Namespace) -> int:
     from mirelight.apps.inspect.facts import as_json
     from mirelight.apps.inspect.inspect import inspect, of_job
     from mirelight.cli import say
+    from mirelight.cli.bar import bar
     from mirelight.cli.report import fit_json, fit_lines, lines
 
     if Path(args.file).suffix.lower() != ".toml":
@@ -38,14 +39,16 @@ def run_inspect(args: argparse.Namespace) -> int:
             raise InputError(
                 args.file, "--heat shows how the proxy of a job fits its splats", "give a job file (.toml)"
             )
-        facts, found = inspect(args.file), None
+        with bar(args.json):
+            facts, found = inspect(args.file), None
     else:
         from mirelight.io import job
 
-        work = job.load(args.file)
-        _supply(work)
-        facts = of_job(work, args.file)
-        found = None if facts.proxy_to_make else _checked(work, args.heat)
+        with bar(args.json):
+            work = job.load(args.file)
+            _supply(work)
+            facts = of_job(work, args.file)
+            found = None if facts.proxy_to_make else _checked(work, args.heat)
         if args.heat is not None and (found is None or found.quality is None):
             raise InputError(args.file, "nothing to compare for --heat", _missing(work))
     if args.json:

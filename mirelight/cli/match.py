@@ -49,7 +49,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_match(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout, progress to stderr."""
     from mirelight.apps.match import match, read_target
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.io.atomic import write_file
     from mirelight.io.job import parse
     from mirelight.io.job.build import build

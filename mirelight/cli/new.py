@@ -37,7 +37,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.apps.first_job import Wish, job_for
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.io.atomic import write_file
 
     out = outputs.named(args.out, "a job is", ".toml")

@@ -48,7 +48,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_proxy(args: argparse.Namespace) -> int:
     """The command. The quality goes to stdout, progress to stderr."""
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.cli.report import quality_json
     from mirelight.io import splats
     from mirelight.io.gltf.write import write_glb
@@ -96,7 +96,7 @@ COMMAND = Command(
 
 def _of_job(args: argparse.Namespace, out: Path) -> int:
     """The command for a job: whatever its proxy is, in the world's axes."""
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.io import job
     from mirelight.io.gltf.write import holds_camera, write_glb
     from mirelight.pipeline.artefact_cache import NullCache

@@ -25,7 +25,7 @@ _OF_DATA_SETS = {"normalize": False, "split": "camera", "held_out": 0.1, "seed":
 def run_stage(args: argparse.Namespace) -> int:
     """The command. What was written goes to stdout, progress to stderr."""
     from mirelight.apps import bake as baking
-    from mirelight.cli.progress import bar
+    from mirelight.cli.bar import bar
     from mirelight.pipeline.scene import prepare
     from mirelight.store.folder import Folder
 

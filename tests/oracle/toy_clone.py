@@ -28,7 +28,7 @@ def make_clone(folder: Path) -> None:
     toy.mkdir(parents=True)
     make_scene(toy)
     cloud = splats.read(toy / "splats.ply")
-    more = replace(cloud, means=cloud.means + np.float32([0.05, 0, 0.05]))
+    more = replace(cloud, means=cloud.means + np.array([0.05, 0, 0.05], np.float32))
     splats.write(take(splats.merge([cloud, more]), np.arange(SPLATS)), toy / "splats.ply")
     mesh = read_scene(toy / "proxy.glb").mesh
     eye = np.array([0.3, 1.5, 4])

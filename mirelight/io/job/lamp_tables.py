@@ -175,10 +175,6 @@ class PointTable(ColouredTable):
         """The intensity in candela, of a light that is the same all around."""
         return candela(self.intensity, self.unit)
 
-    def brightest(self, peak: float, solid_angle: float) -> float:
-        """Candela of the brightest direction of an IES file that says `peak`; `solid_angle` (sr): lumens by them."""
-        return candela(self.intensity, self.unit, solid_angle) if "intensity" in self.model_fields_set else peak
-
 
 class KhrConeTable(Table):
     """A spot's cone as KHR_lights_punctual writes it, in radians; for lights pasted from a glTF file."""
@@ -291,10 +287,6 @@ class SpotTable(ColouredTable):
     def candela(self) -> float:
         """The intensity in candela on the axis."""
         return candela(self.intensity, self.unit, cones.solid_angle(self.law, *self.angles))
-
-    def brightest(self, peak: float, solid_angle: float) -> float:
-        """Candela of the brightest direction of an IES file that says `peak`; `solid_angle` (sr): lumens by them."""
-        return candela(self.intensity, self.unit, solid_angle) if "intensity" in self.model_fields_set else peak
 
 
 class AreaTable(ColouredTable):

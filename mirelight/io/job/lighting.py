@@ -26,6 +26,7 @@ from mirelight.io.job.lamp_tables import (
 )
 from mirelight.io.job.light_kinds import AnyLight, PlayCanvasTable
 from mirelight.io.job.light_tables import LightsFromTable, Lit
+from mirelight.io.job.light_units import candela
 from mirelight.io.job.mistakes import MOST, Mistake
 from mirelight.io.job.moon import MoonTable
 from mirelight.io.job.placing import environment_rotation, matrix
@@ -167,9 +168,13 @@ def _strength(table: PointTable | SpotTable, axis: ArrayLike, files: Assets) -> 
     zero = zero * math.cos(turn) + np.cross(-nadir, zero) * math.sin(turn)
     found = files.ies(table.ies)
     profile = IesProfile(share=found.share, nadir=nadir, zero=zero)
+    if "intensity" not in table.model_fields_set:
+        return found.peak, profile
     if isinstance(table, PointTable):
-        return table.brightest(found.peak, profile.solid_angle), profile
-    return table.brightest(found.peak, profile.solid_angle_in(partial(cones.share, table.law, *table.angles))), profile
+        lit = profile.solid_angle  # what lumens go to
+    else:
+        lit = profile.solid_angle_in(partial(cones.share, table.law, *table.angles))
+    return candela(table.intensity, table.unit, lit), profile
 
 
 def _engine_light(table: PlayCanvasTable, engine: EngineSettings) -> Light:

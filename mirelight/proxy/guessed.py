@@ -232,11 +232,19 @@ def _with_room(places: F64, capture: Capture, settings: ProxySettings) -> F64:
 
 
 def _candidates(capture: Capture, told: _Told) -> Iterator[F64]:
-    """(N, 3) of places in the capture's box, which is no flatter than a person stands high, and around it."""
-    longest = float(capture.half.max())
+    """(N, 3) of places in a box about the capture, no flatter than a person stands high, and around it.
+
+    The box lies as the capture does, whose file may have any axes.
+    """
+    means = capture.splats.means.astype(np.float64)
+    _, axes = np.linalg.eigh(np.cov(means.T))
+    low, high = np.quantile(means @ axes, [TUNING.guess_stray, 1 - TUNING.guess_stray], axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    longest = float(half.max())
+    wide = np.maximum(half, TUNING.guess_flat * longest)
     step = 2 * longest / told.grid
-    lines = [np.arange(-h + step / 2, h, step) for h in np.maximum(capture.half, TUNING.guess_flat * longest)]
-    yield np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    lines = [m + np.arange(-h + step / 2, h, step) for m, h in zip(middle, wide, strict=True)]
+    yield np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3) @ axes.T
     for away in TUNING.guess_away:
         yield away * capture.radius * lattice(told.around)
 

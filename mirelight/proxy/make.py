@@ -35,6 +35,7 @@ from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
+from mirelight.proxy.upright import Seen, upright
 from mirelight.proxy.views import around, fewer, from_points, held_up, moved
 
 DEPTHS = "taking depth maps"
@@ -100,7 +101,8 @@ def make(
         views = each(smooth, views, part(report, 0.4, 0.43), "smoothing depth maps")
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
-        found = _fused(capture, views, held_up(cameras), part(report, 0.55, 0.75))
+        up = held_up(cameras) if cameras or not there else _stands(views)
+        found = _fused(capture, views, up, part(report, 0.55, 0.75))
         soup, shown = found.soup, [] if found.sky.fog else found.views
         if there and (core := core_of(capture, there)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
@@ -113,7 +115,9 @@ def make(
     quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
     whole, ceiling = soup, None
     if there:
-        added = closing(soup, there, capture.spacing, settings, part(report, 0.95, 1.0), shown, guessed=not cameras)
+        # how high people held their cameras is told by these or by colours, not by where it looks clear
+        close = replace(settings, ceiling=settings.ceiling and (bool(cameras) or splats.sh_degree > 0))
+        added = closing(soup, there, capture.spacing, close, part(report, 0.95, 1.0), shown, guessed=not cameras)
         whole, ceiling = soup.beside(added.soup), added.ceiling
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
@@ -152,6 +156,12 @@ class _Fused:
     views: list[DepthMap]  # as they were joined
     flats: list[Flat]
     sky: Sky
+
+
+def _stands(views: Sequence[DepthMap]) -> F64 | None:
+    """(3,) unit: which way is up in what guessed views show; None where it is not sure."""
+    found = upright(Seen.of(views, around=False))
+    return found.way if found and not found.doubt else None
 
 
 def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: ShareProgress) -> _Fused:

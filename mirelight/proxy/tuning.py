@@ -210,6 +210,7 @@ class Tuning:
     guess_fewest: int = 500  # of them
     guess_sample: int = 4_000  # of them that are asked
     guess_grid: int = 20  # candidates along the box's longest side
+    guess_stray: float = 0.005  # of the splats at either end of the capture's axes, that its box leaves out
     guess_flat: float = 0.25  # of the longest side: a flat box is asked that far above and below
     guess_around: int = 150  # around the box, at each distance
     guess_away: tuple[float, ...] = (1.1, 1.5, 2.2, 3.2)  # of the radius
@@ -239,6 +240,24 @@ class Tuning:
     clear_surer: float = 1.1
     clear_most: float = 0.8  # that views ever have: where those from around have nearly as much, none are sought
     clear_size: int = 140  # along the longer side of one
+
+    # which way is up in what views see (upright.py)
+    upright_views: int = 32  # that are looked through
+    upright_pixels: int = 96  # along the longer side of one
+    upright_sample: int = 15_000  # points of the surface
+    upright_ways: int = 3_000  # directions that are tried
+    upright_cone: float = 8.0  # degrees by which what faces a direction, or stands along it, may be off
+    upright_apart: float = 25.0  # degrees between axes
+    upright_usual: float = 45.0  # degrees from the axis that a format mostly has as up
+    upright_habit: float = 1.1  # what speaks for directions near it, times this
+    upright_level: float = 0.5  # by which more speaks for a direction along which all eyes are as high
+    upright_clear: float = 2.0  # times the median direction's, that the best has: a ball 1.1, captures 3 and more
+    upright_surer: float = 1.05  # times another axis' that it has, or it is a guess
+    upright_ceiling: float = 0.5  # of what faces one side of a floor, that faces the other: a closed room
+    upright_thin: float = 0.05  # of the height: what lies closer to a floor is on it
+    upright_wall: float = 0.2  # cosine between up and what is a wall at the most
+    upright_things: float = 0.01  # of the surface: things by which floor and ceiling are told apart
+    upright_rounds: int = 8  # times that it is levelled
 
     # what a capture is (`capture`)
     capture_surfel: float = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)

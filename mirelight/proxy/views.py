@@ -77,7 +77,7 @@ def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
     Tiny pictures are enlarged: splats are never narrower than a pixel, and stand out of their surface.
     """
-    return _together(_chosen(cameras, TUNING.view_most))
+    return _together(evenly(cameras, TUNING.view_most))
 
 
 def close_ups(cameras: Sequence[Camera], low: F64, high: F64) -> tuple[Camera, ...]:
@@ -87,7 +87,7 @@ def close_ups(cameras: Sequence[Camera], low: F64, high: F64) -> tuple[Camera, .
         cameras: the capture's.
         low, high: (3,) corners of the box.
     """
-    whole = _chosen(cameras, TUNING.view_most // 2)
+    whole = evenly(cameras, TUNING.view_most // 2)
     frames = np.array([_frame(camera, low, high) for camera in whole])
     width, height = (int(x) for x in np.ceil(frames[:, 2:] - frames[:, :2]).max(axis=0))
     return _together([_cut(x, frame, width, height) for x, frame in zip(whole, frames, strict=True)])
@@ -120,7 +120,7 @@ def _together(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
     return tuple(x.scaled(share) for x in cameras)
 
 
-def _chosen(cameras: Sequence[Camera], most: int) -> list[Camera]:
+def evenly(cameras: Sequence[Camera], most: int) -> list[Camera]:
     return [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // most)]]
 
 

@@ -38,6 +38,10 @@ from .clouds import ball, box_shell, fog, on_surface, square
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
 
+def held(eye: tuple[float, float, float], up_there: tuple[float, float, float]) -> Camera:
+    return Camera.perspective(conventions.look_at(eye, (0, 0, 0), up_there), 8, 8, yfov=45)
+
+
 @pytest.fixture(scope="module", params=["courtyard", "stage"])
 def cloud(request: pytest.FixtureRequest) -> SplatCloud:
     return splats.read(SCENES / request.param / "splats.compressed.ply")
@@ -62,8 +66,8 @@ def test_turning_by_what_is_found_brings_it_up() -> None:
 def test_a_thing_without_a_floor_is_a_guess_and_cameras_are_not() -> None:
     found = up.find(ball(), Path("a.ply"))
     assert found.guessed and found.way[1] == -1
-    poses = [conventions.look_at((5 * np.sin(a), 5 * np.cos(a), 2.0), (0, 0, 0), (0, 0, 1)) for a in range(6)]
-    found = up.find(ball(), Path("a.ply"), poses)
+    taken = [held((5 * np.sin(a), 5 * np.cos(a), 2.0), (0, 0, 1)) for a in range(6)]
+    found = up.find(ball(), Path("a.ply"), taken)
     assert not found.guessed and found.way[2] == 1
 
 
@@ -102,8 +106,8 @@ def test_a_closed_room_stands_on_the_side_that_things_stand_on(turn: tuple[float
 def test_cameras_that_do_not_agree_with_the_floor_are_a_guess(cloud: SplatCloud) -> None:
     for up_there, doubted in (((0, 1, 0), False), ((1, 0, 0), True)):
         ways = [np.roll((np.sin(a), 0, np.cos(a)), up_there[0]) for a in range(6)]
-        poses = [conventions.look_at(tuple(5 * way), (0, 0, 0), up_there) for way in ways]
-        found = up.find(cloud, Path("a.ply"), poses)
+        taken = [held(tuple(5 * way), up_there) for way in ways]
+        found = up.find(cloud, Path("a.ply"), taken)
         assert found.guessed == doubted and found.way @ up_there == 1
 
 

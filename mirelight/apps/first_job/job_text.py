@@ -79,8 +79,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     cameras, unread = beside.cameras(capture)
     own_guess = cache(partial(_guessed, capture, progress))
     progress("looking at the splats", 0.1)
-    poses = () if cameras is None else [x.world_from_camera for x in cameras.cameras]
-    found = up.find(cloud, capture, poses, own_guess) if wish.up is None else up.said(wish.up)
+    taken = () if cameras is None else cameras.placed(np.eye(3))
+    found = up.find(cloud, capture, taken, own_guess) if wish.up is None else up.said(wish.up)
     turn = conventions.rotation_from_euler(found.euler)
     m = conventions.compose(rotation=turn)
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)

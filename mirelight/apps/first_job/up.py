@@ -1,4 +1,8 @@
-"""Which way is up in a capture: from its cameras, from the floor among its splats, or as its format usually has it."""
+"""Which way is up in a capture: from its cameras, from what of it faces up, or as its format usually has it.
+
+Discs that lie on surfaces are a floor by themselves. Of splats that an optimiser made the surface that is seen is asked
+(:mod:`mirelight.proxy.upright`).
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.suffixes import SCENES
-from mirelight.model import F64, SplatCloud
+from mirelight.model import F64, Camera, SplatCloud
+from mirelight.proxy import ProxySettings
+from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.capture_views import are_discs
 from mirelight.proxy.guessed import Guess
+from mirelight.proxy.upright import seen_surface, upright
+from mirelight.proxy.views import moved
 
 LEAST_FLOOR = (
     0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.20, a thing without one 0.03)
@@ -32,7 +42,7 @@ _WIDE = 5.0  # times as wide as it is thick: a layer that tells how it lies
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
 _SAMPLE = 20_000  # splats that are looked at
-_STRAIGHT = np.cos(np.radians(4.0))  # nearer to an axis counts as the axis
+_STRAIGHT = np.cos(np.radians(2.0))  # nearer to an axis counts as the axis: they are found to 1.5
 _LIKELY = ((1.5, (0, 1, 0)), (1.2, (0, 0, 1)))  # worth of a floor across these axes, either sign
 
 
@@ -56,35 +66,51 @@ class Up:
         return round(about_x, 2) + 0.0, 0.0, round(about_z, 2) + 0.0
 
 
-def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = (), guess: Guess | None = None) -> Up:
+def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: Guess | None = None) -> Up:
     """Up in the splats' own axes.
 
     Args:
         cloud: as its file has it.
         path: its file, whose format decides where nothing else does.
-        cameras: (4, 4) world_from_camera of the cameras that took it, in the same axes.
-        guess: gives guessed ones, in the same axes: most pictures look down a little. None: they are not asked.
+        cameras: that took it, in the same axes.
+        guess: gives guessed ones, in the same axes; None: it is looked at from around.
     """
-    taken = _of_cameras(cameras)
-    floor = _floor(cloud)
+    stage = path.suffix.lower() in SCENES
+    habit = np.array([0.0, 1.0 if stage else -1.0, 0.0])
+    taken = _of_cameras([x.world_from_camera for x in cameras])
+    shown = (
+        _of_floor(cloud, habit, stage)
+        if are_discs(cloud)
+        else _of_surface(cloud, cameras or (guess() if guess else ()), habit)
+    )
     if taken is not None:
-        doubted = floor is not None and floor.told and float(floor.way @ taken) < _AGREE
         why = f"from {len(cameras)} cameras of the capture"
-        return Up(_neat(taken), f"a guess {why}: the floor tells another" if doubted else why, doubted)
-    upright = path.suffix.lower() in SCENES
-    habit = np.array([0.0, 1.0 if upright else -1.0, 0.0])
-    usual = "+Y is up in glTF and as stages are read" if upright else "-Y is up in most captures"
+        if shown is not None and not shown.guessed and float(shown.way @ taken) < _AGREE:
+            return Up(_neat(taken), f"a guess {why}: the floor tells another", True)
+        return Up(_neat(taken), why, False)
+    if shown is not None:
+        return shown
+    ahead = -np.mean([x.world_from_camera[:3, 2] @ habit for x in (guess() if guess else ())] or [0.0])
+    if abs(ahead) > _LOOKS_DOWN:
+        way = habit if ahead < 0 else -habit
+        return Up(way, "a guess: there is no floor, and most guessed views of it look down", True)
+    return Up(habit, f"a guess: there is no floor, and {_usual(stage)}", True)
+
+
+def _usual(stage: bool) -> str:
+    return "+Y is up in glTF and as stages are read" if stage else "-Y is up in most captures"
+
+
+def _of_floor(cloud: SplatCloud, habit: F64, stage: bool) -> Up | None:
+    """By the layer of discs that all stands on; None: there is none."""
+    floor = _floor(cloud)
     if floor is None:
-        ahead = -np.mean([x.world_from_camera[:3, 2] @ habit for x in (guess() if guess else ())] or [0.0])
-        if abs(ahead) > _LOOKS_DOWN:
-            way = habit if ahead < 0 else -habit
-            return Up(way, "a guess: there is no floor, and most guessed views of it look down", True)
-        return Up(habit, f"a guess: there is no floor, and {usual}", True)
+        return None
     if not floor.told:
         if floor.doubt != _BOTH_ALIKE:  # nothing lies below it, whether it is a floor or a wall
             return Up(_neat(floor.way), f"a guess: {floor.doubt}", True)
         way = floor.way if floor.way @ habit >= 0 else -floor.way
-        return Up(_neat(way), f"a guess: {floor.doubt}, and {usual}", True)
+        return Up(_neat(way), f"a guess: {floor.doubt}, and {_usual(stage)}", True)
     why = f"from the floor, in which {floor.share:.0%} of the splats' area lies"
     return Up(_neat(floor.way), why + (", and on which things stand" if floor.ceiling else ""), False)
 
@@ -92,6 +118,21 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[F64] = (), guess: Gues
 def said(way: Sequence[float]) -> Up:
     """Up as somebody said it, (3,) of any length, in the splats' own axes."""
     return Up(conventions.unit(way), "as it was said", False)
+
+
+def _of_surface(cloud: SplatCloud, cameras: Sequence[Camera], habit: F64) -> Up | None:
+    """By what of the surface faces up and what stands upright; None: nothing tells."""
+    try:
+        capture = look_at_capture(cloud, "splats")
+    except InputError:  # said where a surface is asked for
+        return None
+    there = [moved(x, -capture.middle) for x in cameras]
+    found = upright(seen_surface(capture, there, ProxySettings()), habit)
+    if found is None:
+        return None
+    if found.doubt:
+        return Up(_neat(found.way), f"a guess: {found.doubt}", True)
+    return Up(_neat(found.way), f"from the surface, {found.share:.0%} of which lies level or stands upright", False)
 
 
 def some_discs(cloud: SplatCloud, wanted: NDArray[np.bool_]) -> tuple[NDArray[np.intp], F64, F64]:

@@ -1,0 +1,121 @@
+"""Up is told by what views see of a surface: points on planes with noise, however they lie."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mirelight.apps.first_job import up
+from mirelight.base import conventions
+from mirelight.io import splats
+from mirelight.model import F64
+from mirelight.proxy import ProxySettings
+from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.upright import Seen, Upright, seen_surface, upright
+
+from .clouds import ball, on_surface, sphere_points, square
+
+SPREAD = np.array(list(product((-1.0, 1.0), repeat=3)))  # as far apart whichever way
+LEVEL = SPREAD * [1, 0.1, 1]  # eyes of people who walk about
+TURNS = [Rotation.random(random_state=k).as_matrix() for k in range(4)]
+
+
+def plane(normal: tuple[int, int, int], middle: tuple[float, float, float], half: float, count: int) -> tuple[F64, F64]:
+    """So many points on a square, and its normal at each."""
+    points = np.random.default_rng(count).uniform(-half, half, (count, 3))
+    way = np.array(normal, np.float64)
+    return points * (way == 0) + middle, np.tile(way, (count, 1))
+
+
+def seen(*parts: tuple[F64, F64], turn: F64, eyes: F64 | None = None, around: bool = False) -> Seen:
+    """The surface, turned, its normals off by some 3 degrees."""
+    points, normals = (np.concatenate(x) for x in zip(*parts, strict=True))
+    normals = conventions.unit(normals + np.random.default_rng(9).normal(0, 0.05, normals.shape))
+    places = LEVEL if eyes is None else eyes
+    return Seen(points @ turn.T, normals @ turn.T, np.full(len(points), 1 / len(points)), places @ turn.T, around)
+
+
+def off(found: Upright | None, turn: F64) -> float:
+    """Degrees between what is found and up."""
+    assert found is not None
+    return float(np.degrees(np.arccos(np.clip(found.way @ turn[:, 1], -1, 1))))
+
+
+WALLS = (
+    plane((1, 0, 0), (-2, 0, 0), 2, 900),
+    plane((-1, 0, 0), (2, 0, 0), 2, 800),
+    plane((0, 0, 1), (0, 0, -2), 2, 850),
+)
+FRONT = plane((0, 0, -1), (0, 0, 2), 2, 850)
+FLOOR, CEILING = plane((0, 1, 0), (0, -2, 0), 2, 1000), plane((0, -1, 0), (0, 2, 0), 2, 1000)
+TABLE = plane((0, 1, 0), (0, -1.2, 0), 0.6, 200)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_floor_between_walls_is_beneath(turn: F64) -> None:
+    found = upright(seen(FLOOR, *WALLS, turn=turn))
+    assert off(found, turn) < 0.3
+    assert found is not None and not found.doubt
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_things_stand_on_the_floor_of_a_closed_room(turn: F64) -> None:
+    found = upright(seen(FLOOR, CEILING, TABLE, *WALLS, FRONT, turn=turn))
+    assert off(found, turn) < 0.3
+    assert found is not None and not found.doubt
+    bare = upright(seen(FLOOR, CEILING, *WALLS, FRONT, turn=turn))
+    assert bare is not None and bare.doubt
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_what_a_sheet_carries_is_above_it_though_it_is_seen_from_both_sides(turn: F64) -> None:
+    thing = 0.5 * sphere_points(600)
+    beneath = (FLOOR[0], -FLOOR[1])
+    found = upright(
+        seen(FLOOR, beneath, (thing - [0, 1.5, 0], conventions.unit(thing)), turn=turn, eyes=SPREAD, around=True)
+    )
+    assert off(found, turn) < 0.5
+
+
+def test_nothing_faces_one_way_more_than_others_on_a_ball() -> None:
+    points = sphere_points(4000)
+    assert upright(seen((points, points), turn=np.eye(3))) is None
+
+
+def test_of_alike_sides_the_one_along_which_cameras_are_as_high_is_up_or_the_habit() -> None:
+    """Three sides of a cube; cameras on a plane, or anywhere."""
+    corner = (
+        plane((0, 1, 0), (0, -2, 0), 2, 900),
+        plane((1, 0, 0), (-2, 0, 0), 2, 900),
+        plane((0, 0, 1), (0, 0, -2), 2, 900),
+    )
+    for turn in TURNS:
+        level = upright(seen(*corner, turn=turn, eyes=LEVEL))
+        assert off(level, turn) < 0.5 and level is not None and not level.doubt
+        anywhere = upright(seen(*corner, turn=turn, eyes=SPREAD))
+        assert anywhere is not None and anywhere.doubt
+        usual = upright(seen(*corner, turn=turn, eyes=SPREAD), turn[:, 1])
+        assert off(usual, turn) < 0.5
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (20, 30, 40), (160, 10, -30)])
+def test_splats_on_a_floor_are_brought_upright(turn: tuple[float, float, float]) -> None:
+    """Blobs, which the floor among discs is not asked of."""
+    floor, up_there = square(5.0, 0.1, 1, 0.0)
+    thing = sphere_points(1500)
+    points = np.concatenate([floor, 0.8 * thing + np.array([0, 0.8, 0])])
+    cloud = on_surface(points, np.concatenate([up_there, thing]), 0.05, thin=0.3)
+    m = np.eye(4)
+    m[:3, :3] = conventions.rotation_from_euler(turn)
+    found = up.find(splats.transform(cloud, m), Path("a.ply"))
+    assert not found.guessed and "surface" in found.why
+    assert found.way @ m[:3, 1] > np.cos(np.radians(1.0))
+
+
+def test_a_ball_of_splats_tells_nothing() -> None:
+    capture = look_at_capture(ball(), "ball")
+    assert upright(seen_surface(capture, (), ProxySettings())) is None

@@ -131,6 +131,16 @@ def test_a_room_with_a_skylight_is_a_room_and_a_yard_is_none() -> None:
         assert view.best(take(room, np.flatnonzero(roofed)), "a.ply").room == is_room
 
 
+def test_a_street_under_a_white_sky_is_no_room() -> None:
+    """An optimiser hangs splats of the sky over it."""
+    room = box_shell(4, 0.1, thin=0.05)
+    above = room.means[:, 1] > 1.9
+    for shade, is_room in ((0.5, True), (1.0, False)):
+        sh = room.sh.copy()
+        sh[above, 0] = (shade - 0.5) / 0.28209479
+        assert view.best(replace(room, sh=sh), "a.ply").room == is_room
+
+
 def test_a_floor_and_nothing_else() -> None:
     """From the side there is no layer with splats that face that way."""
     rng = np.random.default_rng(0)

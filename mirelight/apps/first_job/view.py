@@ -38,6 +38,8 @@ _SKY = 1.5  # times the farthest depth: where there is nothing
 _STANDS_OUT = 1.15  # times as far is what a thing stands before
 _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
+_SKY_WHITE = 0.95  # in all channels, as splats have them: a white sky
+_UP = 4  # of the sides that a room has
 _FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
 
 
@@ -190,11 +192,20 @@ def _around(middle: F64, radius: float) -> Iterable[Camera]:
 
 
 def _is_room(sides: Sequence[SplatLayer], radius: float) -> bool:
-    """Whether all sides but one are closed, and none is near."""
-    alpha = np.sort([1 - float(x.transmittance.mean()) for x in sides])
+    """Whether all sides but one are closed, and none is near; those of :func:`_around`."""
+    open_ = [float(x.transmittance.mean()) for x in sides]
+    open_[_UP] = 1 - (1 - open_[_UP]) * (1 - _white(sides[_UP]))  # splats of a sky are no ceiling
+    alpha = np.sort(1 - np.array(open_))
     depths = np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
     closed = float(alpha[1:].mean()) > _ENCLOSED and float(alpha[0]) > _HALF_OPEN
     return closed and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
+
+
+def _white(layer: SplatLayer) -> float:
+    """Share of what is shown, that is white."""
+    on = layer.transmittance < 0.5
+    own = layer.color[on] / (1 - layer.transmittance[on, None])
+    return float((own.min(axis=-1) > _SKY_WHITE).mean()) if on.any() else 0.0
 
 
 def _is_walled(compositor: Compositor, captured: Sequence[Camera]) -> bool:

@@ -26,7 +26,7 @@ from mirelight.proxy.depth import DepthMaps
 from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
-from mirelight.proxy.views import around, lattice, moved, placed
+from mirelight.proxy.views import around, evenly, lattice, moved, placed
 
 NAME = "guessed"  # of the cameras, before their number
 Guess: TypeAlias = Callable[[], Sequence[Camera]]  # cameras in world space, when they are asked for
@@ -179,7 +179,7 @@ def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
     if needed > TUNING.clear_most:
         return ()
     cameras = _looking(layers, capture, settings)
-    chosen = cameras[:: -(-len(cameras) // TUNING.clear_judged) or 1]
+    chosen = evenly(cameras, TUNING.clear_judged)
     sure = _trust(maps, [x.scaled(TUNING.clear_size / x.width) for x in chosen])
     return cameras if sure > needed else ()
 

@@ -68,8 +68,7 @@ class Seen:
 def seen_surface(capture: Capture, cameras: Sequence[Camera], settings: ProxySettings) -> Seen:
     """What some of the cameras, in the capture's space, see of it; views from around where there are none."""
     maps, size = DepthMaps(capture, settings, middle=True), TUNING.upright_pixels
-    taken = evenly(cameras, TUNING.upright_views) if cameras else ()
-    chosen = [x.scaled(size / max(x.width, x.height)) for x in taken]
+    chosen = [x.scaled(size / max(x.width, x.height)) for x in evenly(cameras, TUNING.upright_views)]
     views = chosen or around(capture.splats.means, capture.radius, TUNING.upright_views, size)
     smooth = each(partial(slanted, noise=capture.spacing), [maps.of(x) for x in views])
     return Seen.of(smooth, around=not chosen)

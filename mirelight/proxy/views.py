@@ -121,7 +121,8 @@ def _together(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
 
 
 def evenly(cameras: Sequence[Camera], most: int) -> list[Camera]:
-    return [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // most)]]
+    """Every so many-th of them, at most `most`; tiny pictures are enlarged."""
+    return [_enlarged(camera) for camera in cameras[:: -(-len(cameras) // most) or 1]]
 
 
 def _enlarged(camera: Camera) -> Camera:

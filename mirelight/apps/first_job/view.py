@@ -11,7 +11,7 @@ import numpy as np
 from mirelight.base import colour
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, passed, quiet
-from mirelight.model import F64, Camera, SplatCloud, SplatLayer
+from mirelight.model import F32, F64, Camera, SplatCloud, SplatLayer
 from mirelight.proxy.depth import pixels_of
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.types import ProxySettings
@@ -120,8 +120,8 @@ def best(
         raise InputError(source, "nothing is to be seen of it", "check its opacities and sizes")
     on = layer.transmittance < 0.5
     deep = float(np.median(np.abs(layer.depth - layer.median_depth)[on])) / radius if on.any() else np.inf
-    own = layer.color[on] / (1 - layer.transmittance[on, None])
-    light = np.zeros((1, 3)) if not on.any() else own if layer.linear else colour.srgb_decode(own)
+    own = _colors(layer)
+    light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
     return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
 
@@ -203,9 +203,14 @@ def _is_room(sides: Sequence[SplatLayer], radius: float) -> bool:
 
 def _white(layer: SplatLayer) -> float:
     """Share of what is shown, that is white."""
+    own = _colors(layer)
+    return float((own.min(axis=-1) > _SKY_WHITE).mean()) if len(own) else 0.0
+
+
+def _colors(layer: SplatLayer) -> F32:
+    """(P, 3) of the pixels in which splats hide more than half, as splats have them."""
     on = layer.transmittance < 0.5
-    own = layer.color[on] / (1 - layer.transmittance[on, None])
-    return float((own.min(axis=-1) > _SKY_WHITE).mean()) if on.any() else 0.0
+    return np.asarray(layer.color[on] / (1 - layer.transmittance[on, None]))
 
 
 def _is_walled(compositor: Compositor, captured: Sequence[Camera]) -> bool:

@@ -33,7 +33,7 @@ from mirelight.pipeline.scene import prepare
 from mirelight.proxy import make
 from mirelight.proxy.capture import take
 
-from .clouds import ball, box_shell, fog, on_surface, square
+from .clouds import ball, box_shell, fog, joined, on_surface, square
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -139,6 +139,14 @@ def test_a_street_under_a_white_sky_is_no_room() -> None:
         sh = room.sh.copy()
         sh[above, 0] = (shade - 0.5) / 0.28209479
         assert view.best(replace(room, sh=sh), "a.ply").room == is_room
+
+
+def test_a_hall_is_a_room_though_a_thing_fills_its_middle() -> None:
+    """Told from where cameras stood; not where they look up into nothing."""
+    hall = joined(box_shell(4, 0.1, thin=0.05), box_shell(0.8, 0.1, thin=0.05))
+    round_it = [Camera.look_at((np.sin(a), 0, np.cos(a)), (0, 0, 0), 64, 36, yfov=60) for a in np.arange(0, 6, 0.5)]
+    open_ = take(hall, np.flatnonzero(hall.means[:, 1] < 1.9))
+    assert [view.best(x, "a.ply", round_it).room for x in (hall, open_)] == [True, False]
 
 
 def test_a_floor_and_nothing_else() -> None:

@@ -218,7 +218,8 @@ def test_a_first_picture_has_things_whole() -> None:
     """A floor shows more than a ball above it, so more of the floor is to be seen where the ball is cut off."""
     cloud = thing()
     chequered = np.where((np.floor(4 * cloud.means[:, [0, 2]]).sum(axis=1) % 2 > 0) & (cloud.means[:, 1] < 0.01), 1, 0)
-    cloud = replace(cloud, sh=(cloud.sh + chequered[:, None, None]).astype(np.float32))
+    sh = np.pad((cloud.sh + chequered[:, None, None]).astype(np.float32), ((0, 0), (0, 3), (0, 0)))
+    cloud = replace(cloud, sh=sh)  # plain colours do not tell what was aimed at
     eye, at = (0, 1.5, 2), {"cut": (0, -0.6, 0), "whole": (0, 0.2, 0)}
     cut, whole = (Camera.look_at(eye, where, 64, 36, yfov=60, name=name) for name, where in at.items())
     assert best(cloud, "here", (cut, whole)).camera.name == "cut"

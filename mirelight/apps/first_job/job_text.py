@@ -94,8 +94,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
         return [views.placed(x, m) for x in own_guess()]
 
     placed = () if looking is None else looking.placed(turn)
-    aimed = partial(view.aimed, world, guess)
-    seen = view.best(world, str(capture), placed, guess=aimed, outside=outside, progress=part(progress, 0.3, 0.8))
+    seen = view.best(world, str(capture), placed, guess=guess, outside=outside, progress=part(progress, 0.3, 0.8))
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
     asked = known is None and (bool(wish.objects) or (wish.estimated and proxy is None and looking is not None))

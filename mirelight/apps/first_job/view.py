@@ -30,6 +30,8 @@ _WALLS = 3.0  # times as far from the middle of the cameras as those stand
 _FOG = 0.06  # of their distance, over which they blend: walls 0.015, skies 0.18
 _SHOWN_ABOVE = 0.05  # of what is above, that a picture may show where it is not known to be open
 _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
+_ROOF = 0.75  # alpha of what is above where people stood in rooms: 0.84 to 0.95; in a street under a white sky to 0.66
+_MOST_EYES = 7  # places at which they are asked for walls
 _MOST_CAPTURED = 24  # cameras of the capture that are tried
 _STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
 _CUT = 8.0  # by how much of e a view is worth less that cuts off as much as it is wide
@@ -97,13 +99,15 @@ def best(
     points = solid[((solid >= low) & (solid <= high)).all(axis=1)]
     points = points[:: max(1, len(points) // 4000)] if len(points) else solid
     compositor = Compositor(cloud)
+    stood_at = captured or (guess() if guess else taken_from(cloud, ProxySettings()))
     room = not outside and (
         _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
-        or (bool(captured) and _is_walled(compositor, captured))
+        if not stood_at
+        else _is_inside(compositor, stood_at) or (bool(captured) and _is_walled(compositor, captured))
     )
     tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
-    if not captured:
-        tried = [_wide(x) for x in (guess() if guess else aimed(cloud, lambda: taken_from(cloud, ProxySettings())))]
+    if not captured and cloud.sh_degree:  # from where plain colours look clear tells nothing of what people aim at
+        tried = [_wide(x) for x in stood_at]
     views = [x for c in tried if (x := _within(c, radius)) is not None]
     stood = bool(views)
     if not stood:
@@ -124,14 +128,6 @@ def best(
     light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
     return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
-
-
-def aimed(cloud: SplatCloud, guess: Guess) -> Sequence[Camera]:
-    """Guessed cameras by which a first picture may be chosen: none of splats of plain colours.
-
-    From where these look clear tells nothing of what people aim at.
-    """
-    return guess() if cloud.sh_degree else ()
 
 
 def _bounds(points: F64) -> tuple[F64, F64]:
@@ -193,12 +189,44 @@ def _around(middle: F64, radius: float) -> Iterable[Camera]:
 
 def _is_room(sides: Sequence[SplatLayer], radius: float) -> bool:
     """Whether all sides but one are closed, and none is near; those of :func:`_around`."""
-    open_ = [float(x.transmittance.mean()) for x in sides]
-    open_[_UP] = 1 - (1 - open_[_UP]) * (1 - _white(sides[_UP]))  # splats of a sky are no ceiling
-    alpha = np.sort(1 - np.array(open_))
-    depths = np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
-    closed = float(alpha[1:].mean()) > _ENCLOSED and float(alpha[0]) > _HALF_OPEN
-    return closed and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
+    depths = _depths(sides)
+    return _is_closed(_alphas(sides)) and len(depths) > 0 and float(np.quantile(depths, 0.2)) > _FREE * radius
+
+
+def _is_inside(compositor: Compositor, cameras: Sequence[Camera]) -> bool:
+    """Whether where cameras stood most have walls all round and a ceiling, not much farther off than they went.
+
+    The middle of a hall may lie in a statue, that of a flat in a wall.
+    """
+    eyes = np.array([x.position for x in cameras])
+    went = float(np.linalg.norm(eyes - eyes.mean(axis=0), axis=1).max())
+    if not went > 0:
+        return False
+    shown = [
+        [compositor.composite(c, depth=True) for c in _around(eye, went)]
+        for eye in eyes[:: -(-len(eyes) // _MOST_EYES)]
+    ]
+    alphas = np.median([_alphas(sides) for sides in shown], axis=0)
+    depths = np.concatenate([_depths(sides) for sides in shown])
+    return _is_closed(alphas) and alphas[_UP] > _ROOF and float(np.quantile(depths, 0.9)) < _WALLS * went
+
+
+def _alphas(sides: Sequence[SplatLayer]) -> F64:
+    """(6,) how closed each side of :func:`_around` is; splats of a white sky are no ceiling."""
+    alphas = np.array([1 - float(x.transmittance.mean()) for x in sides])
+    alphas[_UP] *= 1 - _white(sides[_UP])
+    return alphas
+
+
+def _depths(sides: Sequence[SplatLayer]) -> F32:
+    """(P,) of the pixels of all sides in which splats hide more than half."""
+    return np.concatenate([x.median_depth[x.median_depth > 0] for x in sides])
+
+
+def _is_closed(alphas: F64) -> bool:
+    """Whether all sides but one are closed, and that in part."""
+    least, *others = np.sort(alphas)
+    return float(np.mean(others)) > _ENCLOSED and float(least) > _HALF_OPEN
 
 
 def _white(layer: SplatLayer) -> float:

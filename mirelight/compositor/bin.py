@@ -71,14 +71,9 @@ def sorted_records(device: Device, records: Array, order: Array) -> Array:
 
 def sorted_values(device: Device, values: F32, order: Array) -> Array:
     """Rows of other per-splat values (N, C) in depth order, padded to VALUE_ROW floats."""
-    dr, types = device.dr, device.types
-    padded = np.zeros((len(values), VALUE_ROW), dtype=np.float32)
-    padded[:, : values.shape[1]] = values
-    rows = dr.gather(types.ArrayXf, device.floats(padded), order, shape=(VALUE_ROW, len(order)))
-    out = dr.empty(types.Float, len(order) * VALUE_ROW)
-    dr.scatter(out, rows, dr.arange(types.UInt32, len(order)))
-    dr.eval(out)
-    return out
+    rows = np.zeros((len(order), VALUE_ROW), dtype=np.float32)
+    rows[:, : values.shape[1]] = values[order.numpy()]
+    return device.floats(rows)
 
 
 def _range(device: Device, low: Array, high: Array, cells: Array, size: int) -> tuple[Array, Array]:

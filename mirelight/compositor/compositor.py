@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,14 +29,24 @@ from mirelight.compositor.engine import EngineDrawing
 from mirelight.compositor.kernel import splat_kernel
 from mirelight.compositor.memory import allowance, check_indices, check_pixels, cloud_bytes, frame_bytes, too_large
 from mirelight.compositor.order import depth_order
-from mirelight.compositor.project import EXACT, Projected, project
+from mirelight.compositor.project import EXACT, project
 from mirelight.compositor.record import VALUE_ROW
 from mirelight.compositor.resolve import Blended, decoded, empty_frame, layer_of, new_frame, values_of
 from mirelight.compositor.source import MOST_COLOR, factors_of
 from mirelight.compositor.supersample import finer, mean, mean_color, reduced
-from mirelight.model import F32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
+from mirelight.model import F32, I32, Camera, CompositorSettings, SplatCloud, SplatLayer, Variant, frozen_array
 
 _DEFAULT = CompositorSettings()
+
+
+@dataclass(slots=True, eq=False)
+class _Look:
+    """Splats as a camera sees them, whatever is blended of them. M can be seen."""
+
+    camera: Camera
+    order: Array  # (M,) their indices from front to back
+    records: Array  # (M * RECORD,) in that order
+    lists: TileLists | None = None  # of the whole frame, once they are known
 
 
 class Compositor:
@@ -66,6 +77,7 @@ class Compositor:
         check_indices(splats)
         allowance(self._device, cloud_bytes(splats), settings.max_memory, f"a cloud of {len(splats)} splats")
         self._cloud = upload(self._device, splats, settings) if len(splats) else None
+        self._held: _Look | None = None
 
     def composite(
         self, camera: Camera, *, depth: bool = True, diffuse: bool = False, drawing: EngineDrawing | None = None
@@ -133,6 +145,23 @@ class Compositor:
         made = decoded(values, layer.transmittance, self.settings)
         return made if count == 1 else mean_color(made, layer, count)
 
+    @contextmanager
+    def holding(self, camera: Camera) -> Iterator[I32]:
+        """Within it, places, order and tile lists of the splats are found once for all composites of one camera.
+
+        Gives the (M,) splats that can be seen, from front to back: other rows of `values` count for nothing.
+
+        Raises:
+            ValueError: the settings are supersampled, whose composites are of a finer camera.
+        """
+        if self.settings.samples > 1:
+            raise ValueError("a camera is held for composites of one sample a pixel")
+        self._held = self._look(camera, EXACT)
+        try:
+            yield np.asarray(self._held.order.numpy(), np.int32)
+        finally:
+            self._held = None
+
     def in_front(self, camera: Camera, depth: F32) -> SplatLayer:
         """The splats whose far sides, one standard deviation behind their centres, lie in front of something.
 
@@ -157,6 +186,7 @@ class Compositor:
     def _one_sample(self) -> Compositor:
         """The same with a sample a pixel."""
         made = copy(self)
+        made._held = None
         made.settings = replace(self.settings, supersampling=1)
         return made
 
@@ -192,26 +222,38 @@ class Compositor:
         memory = allowance(device, needed, settings.max_memory, what)
 
         whole = Band(-(-camera.width // device.tile_width), -(-camera.height // device.tile_height), 0)
-        if self._cloud is None:
-            return empty_frame(device, whole, depth=depth, channels=channels)
-        projected = project(device, self._cloud, view_of(device, camera, kernel), kernel, settings, drawing or EXACT)
-        order = depth_order(device, projected.key, projected.visible)
-        if len(order) == 0:
+        held = self._held if self._held is not None and self._held.camera is camera and drawing is None else None
+        look = held or self._look(camera, drawing or EXACT)
+        if len(look.order) == 0:
             return empty_frame(device, whole, depth=depth, channels=channels)
         frame = new_frame(device, whole, depth=depth, channels=channels)
-        records = _records(device, projected, order, settings)
-        data = [records] if values is None else [records, sorted_values(device, values, order)]
+        data = [look.records] if values is None else [look.records, sorted_values(device, values, look.order)]
         source = Source(device, kernel.fragment, channels, depth, halves)
         if limit is not None:
             data += _whole_tiles(device, limit, whole)
-        for band, lists in _bands(device, records, whole, memory, what):
+        for band, lists in _bands(device, look.records, whole, memory, what, held):
             (blend if limit is None else blend_in_front)(source, data, lists, band, frame)
         if settings.rounds:
-            records = _records(device, projected, device.dr.reverse(order), settings)
+            back = device.dr.reverse(device.dr.arange(device.types.UInt32, len(look.order)))
+            records = sorted_records(device, look.records, back)
             source = Source(device, kernel.fragment, 0, False, halves)
             for band, lists in _bands(device, records, whole, memory, what):
                 blend_eight_bit(source, [records], lists, band, frame)
         return frame
+
+    def _look(self, camera: Camera, drawing: EngineDrawing) -> _Look:
+        device, settings, kernel = self._device, self.settings, splat_kernel(self.settings, camera)
+        none = device.dr.zeros(device.types.UInt32, 0)
+        if self._cloud is None:
+            return _Look(camera, none, none)
+        projected = project(device, self._cloud, view_of(device, camera, kernel), kernel, settings, drawing)
+        order = depth_order(device, projected.key, projected.visible)
+        if len(order) == 0:
+            return _Look(camera, none, none)
+        records = sorted_records(device, projected.records, order)
+        if settings.tones_splats:
+            tone_records(device, records, settings)
+        return _Look(camera, order, records)
 
 
 def _whole_tiles(device: Device, image: F32, band: Band) -> list[Array]:
@@ -222,21 +264,23 @@ def _whole_tiles(device: Device, image: F32, band: Band) -> list[Array]:
     return [device.floats(padded), device.count(width)]
 
 
-def _records(device: Device, projected: Projected, order: Array, settings: CompositorSettings) -> Array:
-    """Records in the given order, with their final colours."""
-    records = sorted_records(device, projected.records, order)
-    if settings.tones_splats:
-        tone_records(device, records, settings)
-    return records
+def _bands(
+    device: Device, records: Array, whole: Band, memory: int, what: str, held: _Look | None = None
+) -> Iterator[tuple[Band, TileLists]]:
+    """The frame's bands with their tile lists: one where it fits into memory, else halves of halves.
 
-
-def _bands(device: Device, records: Array, whole: Band, memory: int, what: str) -> Iterator[tuple[Band, TileLists]]:
-    """The frame's bands with their tile lists: one where it fits into memory, else halves of halves."""
+    `held` keeps those of the whole frame.
+    """
+    if held is not None and held.lists is not None:
+        yield whole, held.lists
+        return
     waiting = [whole]
     while waiting:
         band = waiting.pop()
         lists = tile_lists(device, records, band, memory) if band.tiles <= MOST_TILES else TooLarge(0)
         if isinstance(lists, TileLists):
+            if held is not None and band is whole:
+                held.lists = lists
             yield band, lists
         elif band.rows > 1:
             waiting += reversed(split(band))

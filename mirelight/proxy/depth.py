@@ -73,18 +73,27 @@ class DepthMaps:
 
     def of(self, camera: Camera) -> DepthMap:
         """The map of one camera, in the capture's own space."""
+        with self._shown.holding(camera) as some, self._thinned.holding(camera) as others:
+            seen = np.zeros(len(self._means), bool)
+            seen[some] = seen[others] = True
+            return self._mapped(camera, np.flatnonzero(seen))
+
+    def _mapped(self, camera: Camera, rows: NDArray[np.int64]) -> DepthMap:
+        """By the splats (M,) that the camera can see."""
         layer = self._shown.composite(camera)
-        values = self._planes(camera)
-        z, pixel = self._places(camera)
-        surface = layer.median_depth
+        values = self._planes(camera, rows)
+        z, pixel = self._places(camera, rows)
+        reach, surface = self._reach[rows], layer.median_depth
         for _ in range(TUNING.depth_rounds):
             there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
-            surface, sums = self._blended(self._thinned, camera, values, (there == 0) | (z <= there + self._reach))
+            part = rows, values, (there == 0) | (z <= there + reach)
+            surface, sums = self._blended(self._thinned, camera, *part)
         if not self._middle:
             # all of the layer tells where it is, what is seen of it where the surface is; what hangs before it counts
             # for nothing
             there = np.where(pixel >= 0, surface.ravel()[np.maximum(pixel, 0)], 0)
-            front, seen = self._blended(self._shown, camera, values, (there == 0) | (np.abs(z - there) <= self._reach))
+            part = rows, values, (there == 0) | (np.abs(z - there) <= reach)
+            front, seen = self._blended(self._shown, camera, *part)
             surface = np.where((front > 0) & (seen[..., 4] > TUNING.depth_least), front, surface)
         weight = np.maximum(sums[..., 4], 1e-30)
         mean = sums[..., 5] / weight
@@ -108,11 +117,15 @@ class DepthMaps:
             (1 / (1 + (spread / self._noise) ** 2)).astype(np.float32),
         )
 
-    def _blended(self, compositor: Compositor, camera: Camera, values: F32, part: NDArray[np.bool_]) -> tuple[F32, F32]:
-        """(H, W) depths at which rays meet the planes blended of a part (N,) of the splats, and (H, W, 7) what is
-        blended of their :meth:`_planes`."""
+    def _blended(
+        self, compositor: Compositor, camera: Camera, rows: NDArray[np.int64], values: F32, part: NDArray[np.bool_]
+    ) -> tuple[F32, F32]:
+        """(H, W) depths at which rays meet the planes blended of a part (M,) of some splats, and (H, W, 7) what is
+        blended of their :meth:`_planes` (M, 7)."""
         origins, directions = rays(camera)
-        _, sums = compositor.composite_with(camera, np.where(part[:, None], values, 0), depth=False)
+        blended = np.zeros((len(self._means), values.shape[1]), np.float32)
+        blended[rows[part]] = values[part]
+        _, sums = compositor.composite_with(camera, blended, depth=False)
         slope = np.einsum("hwi,hwi->hw", sums[..., :3], directions.astype(np.float32))
         across = np.einsum(
             "hwi,hwi->hw", sums[..., :3], (origins - camera.position).astype(np.float32) + 0 * sums[..., :3]
@@ -139,21 +152,23 @@ class DepthMaps:
         sharp = layered(self._splats, TUNING.depth_sharper)
         return Compositor(sharp, variant=settings.variant, threads=settings.threads)
 
-    def _planes(self, camera: Camera) -> F32:
-        """(N, 7) what is blended: normal and distance of a splat's plane, 1, its depth and the square of that."""
-        v = self._means - camera.position.astype(np.float32)
+    def _planes(self, camera: Camera, rows: NDArray[np.int64]) -> F32:
+        """(M, 7) what is blended: normal and distance of a splat's plane, 1, its depth and the square of that."""
+        whitening, v = self._whitening[rows], self._means[rows] - camera.position.astype(np.float32)
         ahead = -camera.world_from_camera[:3, 2].astype(np.float32)
         along = v if camera.projection == "perspective" else ahead + 0 * v
-        n = np.einsum("nik,nk->ni", self._whitening, np.einsum("nik,ni->nk", self._whitening, along))
+        n = np.einsum("nik,nk->ni", whitening, np.einsum("nik,ni->nk", whitening, along))
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.float32(1e-30))
         z = np.einsum("ni,i->n", v, ahead)
-        rows = np.stack([np.einsum("ni,ni->n", n, v), np.ones_like(z), z, z * z], axis=1)
-        planes = np.concatenate([n, rows], axis=1).astype(np.float32) * self._fine[:, None]
+        more = np.stack([np.einsum("ni,ni->n", n, v), np.ones_like(z), z, z * z], axis=1)
+        planes = np.concatenate([n, more], axis=1).astype(np.float32) * self._fine[rows, None]
         return np.asarray(np.nan_to_num(planes), np.float32)
 
-    def _places(self, camera: Camera) -> tuple[F32, NDArray[np.int64]]:
-        """(N,) depth of the splats' middles, and the pixel that each lies in; -1: none."""
-        own = turned(self._means - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4"))
+    def _places(self, camera: Camera, rows: NDArray[np.int64]) -> tuple[F32, NDArray[np.int64]]:
+        """(M,) depth of the splats' middles, and the pixel that each lies in; -1: none."""
+        own = turned(
+            self._means[rows] - camera.position.astype(np.float32), camera.camera_from_world[:3, :3].astype("f4")
+        )
         return -own[:, 2], pixels_of(camera, own)
 
 

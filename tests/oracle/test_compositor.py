@@ -260,3 +260,30 @@ def test_colours_match_the_oracle() -> None:
         got = Compositor(splats, settings).colors(VIEW)
         wrong = np.abs(got - reference.splat_colors(splats, VIEW, settings)) > 1e-4
         assert np.count_nonzero(wrong) <= 20  # a colour at half a step of the work buffer
+
+
+@PROFILES
+def test_a_camera_that_is_held_gives_the_same_pictures(settings: CompositorSettings) -> None:
+    splats = cloud()
+    compositor, other = Compositor(splats, settings), CAMERAS["off-centre"]
+    values = np.random.default_rng(1).normal(size=(len(splats), 2)).astype(np.float32)
+    alone, away = compositor.composite(VIEW), compositor.composite(other)
+    _, sums = compositor.composite_with(VIEW, values)
+    with compositor.holding(VIEW) as seen:
+        assert 0 < len(seen) < len(splats)
+        unseen = np.full_like(values, 1e6)
+        unseen[seen] = values[seen]
+        for _ in range(2):
+            assert same_bits(compositor.composite(VIEW), alone)
+            assert np.array_equal(compositor.composite_with(VIEW, unseen)[1], sums)
+        assert same_bits(compositor.composite(other), away)
+    _, twice = compositor.composite_with(VIEW, 2 * values)
+    assert np.allclose(twice, 2 * sums, rtol=1e-4, atol=1e-5)
+
+
+def test_none_is_held_of_finer_pictures() -> None:
+    with (
+        pytest.raises(ValueError, match="one sample"),
+        Compositor(cloud(), replace(PHYSICAL, supersampling=2)).holding(VIEW),
+    ):
+        pass

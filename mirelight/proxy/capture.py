@@ -111,9 +111,9 @@ def spacing_of(means: F64, asked: F64) -> float:
     return float(np.median(_sixth(means, asked))) / 1.8
 
 
-def density(means: F64) -> F64:
-    """(N,) how many points (N, 3) of a surface a square unit has around each; up to a hundred times the usual."""
-    away = _sixth(means, means)
+def density(means: F64, asked: F64) -> F64:
+    """(M,) how many points (N, 3) of a surface a square unit has around some (M, 3); up to 100 times the usual."""
+    away = _sixth(means, asked)
     return np.asarray(1 / np.maximum(away, 0.1 * np.median(away)) ** 2)
 
 

@@ -59,7 +59,8 @@ def judge(
     local = replace(
         mesh, vertices=(mesh.vertices.astype(np.float64) - capture.middle).astype(np.float32), normals=None, uvs=None
     )
-    return judged(capture, DepthMaps(capture, settings), local, there, settings, took)
+    sight = Sight(local, settings.variant, settings.threads)
+    return judged(capture, DepthMaps(capture, settings), local, sight, there, settings, took)
 
 
 def seen_by(cameras: Sequence[Camera]) -> tuple[Camera, ...]:
@@ -74,17 +75,17 @@ def judged(
     capture: Capture,
     maps: DepthMaps,
     mesh: ProxyMesh,
+    sight: Sight,
     cameras: Sequence[Camera] | None,
     settings: ProxySettings,
     captured: Sequence[Camera] = (),
 ) -> ProxyQuality:
-    """As :func:`judge`, of a capture that is known, everything in its space."""
+    """As :func:`judge`, of a capture that is known, everything in its space; `sight` into the mesh."""
     chosen = (
         around(capture.splats.means, capture.radius, MESH.judge_views, MESH.judge_pixels)
         if cameras is None
         else cameras
     )
-    sight = Sight(mesh, settings.variant, settings.threads)
     compositor = Compositor(capture.splats, variant=settings.variant, threads=settings.threads)
     views = [maps.of(camera) for camera in chosen]
     normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))

@@ -13,6 +13,7 @@ import numpy as np
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, part, passed, quiet
 from mirelight.base.together import each
+from mirelight.lighting.sight import Sight
 from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
@@ -112,12 +113,15 @@ def make(
         report("leaving out triangles", 0.92)
         soup = decimated(soup, settings.triangles)
     report("judging the proxy", 0.9)
-    quality = judged(capture, maps, soup.mesh(), seen_by(there) if there else None, settings, there)
+    mesh = soup.mesh()
+    sight = Sight(mesh, settings.variant, settings.threads)
+    quality = judged(capture, maps, mesh, sight, seen_by(there) if there else None, settings, there)
     whole, ceiling = soup, None
     if there:
         # how high people held their cameras is told by these or by colours, not by where it looks clear
-        close = replace(settings, ceiling=settings.ceiling and (bool(cameras) or splats.sh_degree > 0))
-        added = closing(soup, there, capture.spacing, close, part(report, 0.95, 1.0), shown, guessed=not cameras)
+        roofed = settings.ceiling and (bool(cameras) or splats.sh_degree > 0)
+        last = part(report, 0.95, 1.0)
+        added = closing(soup, sight, there, capture.spacing, last, shown, ceiling=roofed, guessed=not cameras)
         whole, ceiling = soup.beside(added.soup), added.ceiling
     return MadeProxy(
         mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
@@ -241,10 +245,11 @@ def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | 
     """
     if not cameras:
         return
-    shown = np.zeros(len(capture.splats), bool)
+    means, some = capture.splats.means, slice(None, None, max(len(capture.splats) // TUNING.capture_sample, 1))
+    shown = np.zeros(len(means[some]), bool)
     for camera in cameras:
-        shown |= shows(camera, capture.splats.means)
-    weight = capture.splats.opacities * density(capture.splats.means.astype(np.float64))
+        shown |= shows(camera, means[some])
+    weight = capture.splats.opacities[some] * density(means.astype(np.float64), means[some].astype(np.float64))
     seen = float(weight[shown].sum() / weight.sum())
     if seen < TUNING.make_least_seen:
         found = f"its {len(cameras):,} cameras have {seen:.0%} of it in their pictures"

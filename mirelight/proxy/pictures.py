@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirelight.base.together import each
 from mirelight.lighting.sight import Sight
 from mirelight.model import F32, F64, Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays, turned
 
-_CHUNK = 1 << 18  # points at once
+_CHUNK = 1 << 16  # points at once: what a core's cache holds
 
 Bool = NDArray[np.bool_]
 
@@ -54,12 +55,16 @@ class Pictures:
         """(N,) whether a camera looked through a point, or has it less than `margin` behind the surface; and whether
         one has it in its picture at all, seen or hidden."""
         free, shown = np.zeros(len(points), bool), np.zeros(len(points), bool)
-        for camera, depth in zip(self.cameras, self.depths, strict=True):
-            for start in range(0, len(points), _CHUNK):
-                rows = start + np.flatnonzero(~free[start : start + _CHUNK])
+
+        def look(start: int) -> None:
+            rows = np.arange(start, min(start + _CHUNK, len(points)))
+            for camera, depth in zip(self.cameras, self.depths, strict=True):
                 z, there = _at_pixels(camera, depth, points[rows])
                 shown[rows[~np.isnan(there)]] = True
                 free[rows[z < there + np.float32(margin)]] = True
+                rows = rows[~free[rows]]
+
+        each(look, range(0, len(points), _CHUNK))
         return free, shown
 
 

@@ -25,7 +25,7 @@ from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.pictures import Pictures
 from mirelight.proxy.planes import planes_of
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import ProxySettings, Soup
+from mirelight.proxy.types import Soup
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,26 +38,28 @@ class Closing:
 
 def closing(
     soup: Soup,
+    sight: Sight,
     cameras: Sequence[Camera],
     spacing: float,
-    settings: ProxySettings,
     progress: ShareProgress,
     shown: Sequence[DepthMap] = (),
+    *,
+    ceiling: bool = True,
     guessed: bool = False,
 ) -> Closing:
     """What closes a surface against light from where no camera saw.
 
     Args:
         soup: the surface, in the space of the cameras.
+        sight: into it.
         cameras: those of the capture.
         spacing: of the capture's splats.
-        settings: the variant; whether a ceiling is guessed.
         progress: hears what is done.
         shown: depth maps by cameras of these: through a gap of the surface nothing was seen where they show something.
+        ceiling: whether one is guessed.
         guessed: whether the cameras are: a ceiling may be where they show nothing.
     """
     progress("looking for what no camera saw", 0.0)
-    sight = Sight(soup.mesh(), settings.variant, settings.threads)
     pictures = Pictures.of(cameras, sight, shown)
     progress("looking for what no camera saw", 0.3)
     low, high = box_of(soup, pictures.eyes)
@@ -65,13 +67,13 @@ def closing(
     planes = planes_of(soup, cell, TUNING.beyond_small * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
     told = pictures.opaque(shown) if guessed else pictures
-    ceiling = ceiling_of(soup, planes, told, cell) if settings.ceiling else None
-    if ceiling is not None:
-        low, high = ceiling.box(low, high)
-        backs = backs.beside(ceiling.soup(planes, low, high, cell, told))
+    found = ceiling_of(soup, planes, told, cell) if ceiling else None
+    if found is not None:
+        low, high = found.box(low, high)
+        backs = backs.beside(found.soup(planes, low, high, cell, told))
     progress("carrying on walls", 0.7)
 
     def look(before: float) -> Look:
         return lambda points: pictures.states(points.astype(np.float32), -before)
 
-    return Closing(backs.beside(beyond_pictures(soup, planes, low, high, cell, look)), ceiling)
+    return Closing(backs.beside(beyond_pictures(soup, planes, low, high, cell, look)), found)

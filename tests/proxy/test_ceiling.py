@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mirelight.apps.first_job import view
+from mirelight.base.progress import quiet
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera
 from mirelight.proxy import make
@@ -87,7 +88,7 @@ def test_no_light_comes_from_above_and_the_window_stays_open() -> None:
     middle = soup.vertices[soup.faces].mean(axis=1)
     pane = (middle[:, 0] > HALF - 0.01) & (np.abs(middle[:, 2]) < 0.5) & (middle[:, 1] > 1.0)
     soup = Soup(soup.vertices, soup.faces[~pane])
-    added = closing(soup, looking_down(1.0), 0.03, ProxySettings(), lambda *_: None)
+    added = closing(soup, Sight(soup.mesh()), looking_down(1.0), 0.03, quiet)
     assert added.ceiling is not None
     sight = Sight(soup.beside(added.soup).mesh())
     rng = np.random.default_rng(2)

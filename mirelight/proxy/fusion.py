@@ -60,10 +60,9 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgr
         planes = _Planes.of(view)
 
         def add(start: int, planes: _Planes = planes) -> None:
-            part = slice(start, start + _CHUNK)
-            d, w = planes.distances(at[part], TUNING.fused_truncation * cell)
-            total[part] += d * w
-            weight[part] += w
+            rows, d, w = planes.distances(at[start : start + _CHUNK], TUNING.fused_truncation * cell)
+            total[start + rows] += d * w
+            weight[start + rows] += w
 
         each(add, range(0, len(nodes), _CHUNK))
     known = weight > 0
@@ -102,8 +101,8 @@ class _Planes:
         rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
         return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))
 
-    def distances(self, at: F32, most: float) -> tuple[F32, F32]:
-        """(M,) signed distance of points to the plane that their pixel sees, and its weight; 0 where none tells."""
+    def distances(self, at: F32, most: float) -> tuple[Int, F32, F32]:
+        """(M,) which of points (N, 3) a pixel tells of, (M,) their signed distance to its plane, and its weight."""
         camera, far = self.camera, np.float32(most)
         matrix = camera.camera_from_world.astype(np.float32)
         own = turned(at, matrix[:3, :3]) + matrix[:3, 3]
@@ -111,17 +110,17 @@ class _Planes:
         w = np.maximum(z, np.float32(1e-12))
         x = np.floor(np.float32(camera.cx) + np.float32(camera.fx) * own[:, 0] / w)
         y = np.floor(np.float32(camera.cy) - np.float32(camera.fy) * own[:, 1] / w)
-        seen = (z > camera.near) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
-        row = self.rows[np.where(seen, y * camera.width + x, 0).astype(np.int64)]
-        seen &= row[:, 0] > 0
-        ahead = row[:, 0] - z  # positive before the surface
-        plane = dot(at, row[:, 1:4]) - row[:, 4]
+        seen = np.flatnonzero((z > camera.near) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height))
+        row = self.rows[(y[seen] * camera.width + x[seen]).astype(np.int64)]
+        there = row[:, 0] > 0
+        seen, row = seen[there], row[there]
+        ahead = row[:, 0] - z[seen]  # positive before the surface
+        plane = dot(at[seen], row[:, 1:4]) - row[:, 4]
         distance = np.where(ahead > 2 * far, far, np.clip(plane, -far, far))
         # A node far behind is hidden; one little behind counts less the deeper: a thin part's far side stays whole.
         hidden = (ahead < -2 * far) | (plane <= -far)
         fading = np.clip((plane + far) * np.float32(2 / most), 0, 1)
-        weight = np.where(seen & ~hidden, row[:, 5] * fading, np.float32(0))
-        return distance, weight
+        return seen, distance, np.where(hidden, np.float32(0), row[:, 5] * fading)
 
 
 def _one_sided(views: Sequence[DepthMap], cell: float, middle: F64, inside: bool) -> list[DepthMap]:

@@ -148,7 +148,12 @@ def rays(camera: Camera) -> tuple[F64, F64]:
 
 
 def turned(rows: NDArray[Any], matrix: NDArray[Any]) -> NDArray[Any]:
-    """Rows (..., 3) multiplied by a matrix (3, 3), without BLAS, whose bits depend on its threads."""
+    """Rows (..., 3) multiplied by a matrix (K, 3), without BLAS, whose bits depend on its threads."""
+    if rows.dtype == matrix.dtype == np.float32:  # the same bits as einsum's, in a third of the time
+        out = np.empty((*rows.shape[:-1], len(matrix)), np.float32)
+        for k, row in enumerate(matrix):
+            out[..., k] = dot(rows, row)
+        return out
     return np.asarray(np.einsum("...j,ij->...i", rows, matrix))
 
 

@@ -275,6 +275,13 @@ def _ready(variant: Variant, threads: int | None) -> ModuleType:
     return dr
 
 
+def give_back() -> None:
+    """Give the memory back that Dr.Jit keeps for arrays to come, after work whose arrays are unlike those that follow:
+    of three million splats it is two gigabytes."""
+    if "drjit" in sys.modules:
+        _import_drjit().flush_malloc_cache()
+
+
 def mitsuba(variant: Variant = "llvm_ad_rgb", threads: int | None = None) -> ModuleType:
     """The `mitsuba` module with `variant` active.
 

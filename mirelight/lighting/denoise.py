@@ -6,7 +6,9 @@ objects are mixed of both, by how far either is off as the samples tell.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from mirelight.base import extras
 from mirelight.base.errors import BackendError
+from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.lighting.adaptive import window_sum
 from mirelight.model import F32, LightingBuffer, LightLayer
 
@@ -30,7 +33,7 @@ _BALANCED, _HIGH = 5, 6
 _CLEAN_GUIDES = 8
 
 
-def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
+def denoise(buffer: LightingBuffer, *, layers: bool = True, progress: ShareProgress = quiet) -> LightingBuffer:
     """The beauty denoised, and every layer, guided by albedo and normals.
 
     Denoised layers do not add up to the denoised beauty, so they are scaled to it pixel by pixel; with `layers` False
@@ -48,6 +51,11 @@ def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
     A buffer is denoised after its layers are re-weighted: what a filter makes of a sum is not the sum of what it makes
     of the layers. One without layers is returned as it is.
 
+    Args:
+        buffer: light as it was traced or mixed.
+        layers: whether each layer is denoised, or their sum alone.
+        progress: hears of each picture before it is denoised: a large one takes seconds.
+
     Raises:
         BackendError: the optional package `pyoidn` is not installed.
     """
@@ -60,7 +68,9 @@ def denoise(buffer: LightingBuffer, *, layers: bool = True) -> LightingBuffer:
     parts = _Parts.of(buffer)
     with pyoidn.Device() as device:
         device.commit()
-        clean = _Denoiser.of(pyoidn, device, buffer)
+        pictures = range(1 + (2 * len(buffer.layers) if layers else 0) + (parts is not None))
+        begun = passed(pictures, progress, "removing noise")
+        clean = _Denoiser.of(pyoidn, device, buffer, partial(next, begun, None))
         beauty = clean(buffer.beauty)
         made = [_cleaned(x, clean) for x in buffer.layers] if layers else list(buffer.layers)
         half = clean(parts.half, _BALANCED) if parts is not None else None
@@ -170,15 +180,25 @@ def _mean_around(image: F32, covered: NDArray[np.bool_], reach: int = REACH) -> 
 
 
 class _Denoiser:
-    """One frame's guides, and the filter that uses them."""
+    """One frame's guides, and the filter that uses them; `begins` is called before each picture but guides."""
 
-    def __init__(self, pyoidn: Any, device: Any, guides: dict[str, F32], scale: F32, *, clean: bool) -> None:
+    def __init__(
+        self,
+        pyoidn: Any,
+        device: Any,
+        guides: dict[str, F32],
+        scale: F32,
+        begins: Callable[[], object] = bool,
+        *,
+        clean: bool,
+    ) -> None:
         self._pyoidn, self._device, self._guides, self._scale = pyoidn, device, guides, scale
+        self._begins = begins
         if not clean:
             self._guides = {name: self._run({name: image}, _BALANCED) for name, image in guides.items()}
 
     @classmethod
-    def of(cls, pyoidn: Any, device: Any, buffer: LightingBuffer) -> _Denoiser:
+    def of(cls, pyoidn: Any, device: Any, buffer: LightingBuffer, begins: Callable[[], object]) -> _Denoiser:
         """For the light of the surface."""
         covered = buffer.coverage[..., None]
         scale: F32 = np.ones(1, np.float32)
@@ -188,10 +208,11 @@ class _Denoiser:
             scale = np.where(there, whole / np.where(there, covered, 1), 1).astype(np.float32)
             covered = whole.astype(np.float32)
         guides = {"albedo": buffer.albedo * covered, "normal": buffer.normal * covered}
-        return cls(pyoidn, device, guides, scale, clean=buffer.spp >= _CLEAN_GUIDES)
+        return cls(pyoidn, device, guides, scale, begins, clean=buffer.spp >= _CLEAN_GUIDES)
 
     def __call__(self, color: F32, quality: int = _HIGH) -> F32:
         """A linear picture, (H, W, 3), denoised and not below 0."""
+        self._begins()
         images = {"color": np.ascontiguousarray(color * self._scale), **self._guides}
         made = self._run(images, quality, hdr=True, cleanAux=True)
         return np.asarray(np.maximum(made, np.float32(0)) / self._scale, np.float32)

@@ -31,7 +31,7 @@ class SceneWithObjects(Prepared):
     """New light falls on proxy and objects, while captured light knows the proxy alone."""
 
     def __init__(self, bare: Prepared, objects: Arrangement) -> None:
-        super().__init__(bare.job, bare.kept, bare._report, bare._progress)
+        super().__init__(bare.job, bare.kept, bare._report, bare.progress)
         self.objects = objects
         self.keys, self.clock = bare.keys, bare.clock
         self._bare: Prepared = weakref.proxy(bare)  # the scene holds this: a cycle would outlive both

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mirelight.base import backend
 from mirelight.base.progress import CountProgress, ShareProgress, quiet
 from mirelight.model import (
     F32,
@@ -65,7 +66,7 @@ class Prepared:
         self.clock = FrameClock()
         self._of_user = UserCache()
         self._report = report
-        self._progress = progress
+        self.progress = progress
         self._estimates: dict[str, Lighting] = {}  # by key; as one object each, for their maps are known by identity
 
     @cached_property
@@ -73,7 +74,7 @@ class Prepared:
     def splats(self) -> SplatCloud | None:
         """The splats in world space."""
         if self.job.splats is not None:
-            self._progress("reading the splats", 0.0)
+            self.progress("reading the splats", 0.0)
         cloud = None if self.job.splats is None else self.job.splats.value
         if cloud is not None and cloud.dropped:
             self._tell(f"{cloud.dropped:,} splats with NaN, infinite or absurd values are left out")
@@ -101,7 +102,8 @@ class Prepared:
         else:
             self._tell("making the proxy mesh from the splats; it is kept for the next time")
             began = time.monotonic()
-            made = made_by(job.made_proxy, lambda: self._guess, self._progress)
+            made = made_by(job.made_proxy, lambda: self._guess, self.progress)
+            backend.give_back()
             self._share(key, made, MESH)
             self._tell(f"the proxy mesh has {len(made.faces):,} triangles; made in {time.monotonic() - began:.0f} s")
         return self._painted(job.proxy.value)
@@ -129,9 +131,10 @@ class Prepared:
             variant=job.render.variant,
             threads=job.render.threads,
             report=self._tell,
-            progress=self._progress,
+            progress=self.progress,
             guess=lambda: self._guess,
         )
+        backend.give_back()
         if views and not job.capture_pictures:
             self._tell(
                 "colours are those of the capture's splats, too bright in the dark: none of its pictures is there"
@@ -166,7 +169,7 @@ class Prepared:
 
         colors = self.kept.get(self.keys.proxy, ARRAY)
         if colors is None:
-            self._progress("finding the proxy's colours", 0.0)
+            self.progress("finding the proxy's colours", 0.0)
             found = albedo.vertex_colors(self.splats, mesh, self.resolved(job.captured), job.render, self.views)
             finding = frame_diagnostics.of_colors(found.met, found.lit, own=job.made_proxy is not None)
             if finding is not None:
@@ -193,7 +196,7 @@ class Prepared:
 
         found = self.kept.get(self.keys.captured_level, ARRAY)
         if found is None:
-            self._progress("measuring the captured light", 0.0)
+            self.progress("measuring the captured light", 0.0)
             level = captured_level(self.splats, self.proxy, self.resolved(job.captured), job.render, self.views)
             found = np.array([level], np.float64)
             self.kept.put(self.keys.captured_level, found, ARRAY)
@@ -249,7 +252,8 @@ class Prepared:
             splats, mesh = self.splats, self.mesh
             assert splats is not None and mesh is not None
             settings = replace(self.job.render, seed=sky.seed)
-            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views, self._progress)
+            found = estimate(splats, mesh, settings, sky.exposure, sky.lights, self.views, self.progress)
+            backend.give_back()
             self._of_user.put(key, found, codec)
         return found
 
@@ -317,7 +321,7 @@ class Prepared:
 
         render = self.job.render
         assert self.splats is not None
-        self._progress("handing the splats to the compositor", 0.0)
+        self.progress("handing the splats to the compositor", 0.0)
         return Compositor(self.splats, self.job.compositor, variant=render.variant, threads=render.threads)
 
     @cached_property
@@ -329,7 +333,7 @@ class Prepared:
         key, threads = self.keys.splat_distances, self.job.render.threads
 
         def make() -> F32:
-            return beyond.distances(splats.means, mesh, threads, self._progress)
+            return beyond.distances(splats.means, mesh, threads, self.progress)
 
         return made_once(self.kept, f"distances {key[:24]}", key, array_of((len(splats),)), make)
 
@@ -350,7 +354,7 @@ class Prepared:
 
         assert self.proxy is not None
         job = self.job
-        self._progress("handing the proxy to the path tracer", 0.0)
+        self.progress("handing the proxy to the path tracer", 0.0)
         return tracer(
             self.proxy, job.render, layers=requirements.keeps_lights_apart(job), aovs=requirements.wants_aovs(job)
         )

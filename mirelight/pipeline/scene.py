@@ -150,7 +150,7 @@ class Scene(Prepared):
     def for_pinholes(self) -> Scene:
         """The same for the pinholes of a lens or an open shutter: what each sees is kept in memory alone."""
         like = self.ready(lit=bool(self.job.lightings))
-        return prepare(self.job, MemoryCache(self.kept), self._report, like, progress=self._progress)
+        return prepare(self.job, MemoryCache(self.kept), self._report, like, progress=self.progress)
 
     def read(self) -> None:
         """Read the splats, and read or make the proxy where light falls on it. Otherwise that comes when it is needed.

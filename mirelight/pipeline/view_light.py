@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from mirelight import relighting
+from mirelight.base import backend
 from mirelight.base.progress import CountProgress
 from mirelight.model import Camera, Lighting, LightingBuffer, ParallelLight
 from mirelight.model.unit_lights import GLOW, LightSet, Mixture
@@ -84,7 +85,7 @@ class ViewLight:
         for one in self._sets(mixture):
             if one.digest not in self._there:
                 self._there[one.digest] = self._traced(one, look and partial(self._looked, look, mixture, one))
-        finished = self._finished(mixture)
+        finished = self._finished(mixture, layers=self._scene.job.output.wants_layers and not is_captured)
         if is_captured:
             self._captured = finished
         return finished
@@ -124,7 +125,8 @@ class ViewLight:
     def mixed_so_far(self, lighting: Lighting) -> LightingBuffer | None:
         """Of an interrupted trace, what there is; None: nothing."""
         mixture = self._scene.mixture(lighting)
-        return self._finished(mixture) if any(s.digest in self._there for s in mixture.sets) else None
+        traced = any(s.digest in self._there for s in mixture.sets)
+        return self._finished(mixture, layers=self._scene.job.output.wants_layers) if traced else None
 
     def _looked(self, look: Look, mixture: Mixture, one: LightSet, so_far: Callable[[], LightingBuffer]) -> None:
         """Offer a mixture with a set that is being traced; sets that come after it are dark; nothing is denoised."""
@@ -175,14 +177,16 @@ class ViewLight:
         wanted = Wanted(layers=job.output.wants_layers, variance=variance)
         return mix(mixture, traced, self._seen, _sun_strengths(self._scene, mixture), wanted)
 
-    def _finished(self, mixture: Mixture) -> LightingBuffer:
+    def _finished(self, mixture: Mixture, *, layers: bool) -> LightingBuffer:
+        """Denoised where the job asks for it; `layers`: each of them, or their sum alone."""
         job = self._scene.job
         buffer = self._mixed(mixture, self._there)
         if not job.render.denoise or requirements.follows_engine(job):
             return buffer
         from mirelight.lighting.denoise import denoise
 
-        return denoise(buffer, layers=job.output.wants_layers)
+        backend.give_back()  # the denoiser takes as much as a trace
+        return denoise(buffer, layers=layers, progress=self._scene.progress)
 
 
 def _waiting(report: CountProgress, done: int, total: int) -> None:

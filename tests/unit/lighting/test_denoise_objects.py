@@ -93,3 +93,24 @@ def test_edges_stay_as_they_were_and_nothing_is_lit_beside_objects() -> None:
 def test_layers_add_up_and_objects_out_of_sight_do_no_harm() -> None:
     _, after = cleaned(SMOOTH, 0.1, np.zeros_like(SMOOTH))
     assert not after.beauty.any()
+
+
+def test_it_is_told_of_each_picture_and_ends_where_a_listener_raises() -> None:
+    light = buffer(SMOOTH, 0.05, np.ones_like(SMOOTH))
+    heard: list[tuple[str, float]] = []
+    denoise(light, progress=lambda what, done: heard.append((what, done)))
+    assert heard == [("removing noise", k / 4) for k in (0, 1, 2)]  # beauty, direct light, half: nothing is indirect
+
+    def stop(what: str, done: float) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        denoise(light, progress=stop)
+
+
+def test_their_sum_alone_is_the_same() -> None:
+    light = buffer(SMOOTH, 0.05, np.ones_like(SMOOTH))
+    each, alone = denoise(light), denoise(light, layers=False)
+    assert np.allclose(alone.beauty, each.beauty, rtol=1e-5, atol=1e-6)
+    assert alone.variance is not None and each.variance is not None and np.array_equal(alone.variance, each.variance)

@@ -11,6 +11,7 @@ from typing import Protocol, Self
 from mirelight.base.errors import printable
 from mirelight.batch.pace import Pace
 from mirelight.cli import say
+from mirelight.model.shown import count
 
 
 class Named(Protocol):
@@ -127,7 +128,7 @@ class Lines(Tally):
     def waiting(self, cameras: int) -> None:
         """Says, once, that other processes are waited for."""
         if not self._waits:
-            say.remark(f"waiting for {cameras} cameras that other processes render")
+            say.remark(f"waiting for {count(cameras, 'camera')} that other processes render")
         self._waits = True
 
     def note(self, line: str) -> None:
@@ -182,7 +183,7 @@ class Bar(Tally):
 
     def waiting(self, cameras: int) -> None:
         """Says so in place of the frame's name."""
-        self._bar.update(self._row, frame=f"waiting for {cameras} cameras that others render")
+        self._bar.update(self._row, frame=f"waiting for {count(cameras, 'camera')} that others render")
 
     def working(self, frames: Sequence[str]) -> None:
         """How many workers there are, in place of the frame's name."""

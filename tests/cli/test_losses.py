@@ -263,7 +263,7 @@ def test_two_machines_share_a_folder(folder: Path, run: Run) -> None:
     said = ""
     for line in other.stderr:
         said += line
-        if "waiting for 1 cameras that other processes render" in line:
+        if "waiting for 1 camera that other processes render" in line:
             break
     one.kill()
     one.communicate()

@@ -272,7 +272,7 @@ class Keys(SceneKeys):
         found = self._relights.get(settings)
         if found is None:
             job = self.job
-            denoised = (True, self._versions("pyoidn")) if job.render.denoise else (False,)
+            denoised = (True, "captured: the sum", self._versions("pyoidn")) if job.render.denoise else (False,)
             found = self._relights[settings] = digest(
                 "relit",
                 reads.read(settings, relighting.reads(settings)),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mirelight.base import conventions
 from mirelight.base.errors import RenderError
+from mirelight.base.progress import ShareProgress, counted, part, quiet
 from mirelight.lighting import along_axes
 from mirelight.lighting.albedo import UNLIT
 from mirelight.lighting.appearance import shown
@@ -38,6 +39,7 @@ REACH = 0.02  # of the bounds' diagonal
 MARGIN = 2.0**-18  # of the largest coordinate plus the longest edge: how far off edges points must lie for rays
 TINY = np.finfo(np.float64).tiny
 FEW, MANY = 4, 32
+LIE = "where splats lie"
 SELDOM = 8  # times as many where most splats are seldom met
 
 
@@ -72,6 +74,7 @@ def places_of(
     tracer: Tracer,
     reference: Lighting | None,
     samples: tuple[int, int] = (FEW, MANY),
+    progress: ShareProgress = quiet,
 ) -> Places:
     """Where splats lie on the proxy.
 
@@ -81,10 +84,12 @@ def places_of(
         tracer: from :func:`tracer_for`.
         reference: light that the splats were seen in, which tells the side; None: an even sky.
         samples: a splat, to tell the dark side: of all, and of those that few have found dark.
+        progress: hears how far it is.
 
     Raises:
         RenderError: no splat lies within 2 % of the proxy's diagonal.
     """
+    progress(LIE, 0.0)
     low, high = proxy.bounds
     reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
     means = splats.means.astype(np.float64)
@@ -101,13 +106,18 @@ def places_of(
     if len(lost):
         _take_over(lost, found, points[found], means, points, normals)
     reference = reference or Lighting(environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
-    front = _brightness(tracer, reference, points, normals, samples[0])
+
+    def bright(rows: Int | slice, ways: F64, spp: int, low: float, high: float) -> F64:
+        heard = counted(part(progress, low, high), LIE)
+        return np.asarray(shown(tracer, reference, points[rows], ways, spp, heard).mean(axis=1), np.float64)
+
+    front = bright(slice(None), normals, samples[0], 0.1, 0.4)
     dim = np.flatnonzero(front <= UNLIT * front.mean())
     if len(dim):  # seldom met, or dark
         many = samples[1] * (SELDOM if len(dim) > len(front) / 2 else 1)  # as where little light is let in
-        front[dim] = _brightness(tracer, reference, points[dim], normals[dim], many)
+        front[dim] = bright(dim, normals[dim], many, 0.4, 0.8)
         dark = dim[front[dim] <= UNLIT * front.mean()]
-        back = _brightness(tracer, reference, points[dark], -normals[dark], many)
+        back = bright(dark, -normals[dark], many, 0.8, 1.0)
         normals[dark[back > front[dark]]] *= -1
         front[dark] = np.maximum(front[dark], back)
         unseen = dark[front[dark] <= UNLIT * front.mean()]
@@ -137,7 +147,3 @@ def _take_over(who: Int, whose: Int, where: F64, means: F64, points: F64, normal
 
     _, nearest = cKDTree(where).query(means[who])
     points[who], normals[who] = points[whose[nearest]], normals[whose[nearest]]
-
-
-def _brightness(tracer: Tracer, lighting: Lighting, points: F64, normals: F64, spp: int) -> F64:
-    return np.asarray(shown(tracer, lighting, points, normals, spp).mean(axis=1), np.float64)

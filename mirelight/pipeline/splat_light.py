@@ -191,9 +191,8 @@ class SplatLight:
         count = len(splats)
 
         def make() -> F32:
-            self._say("where splats lie", 0.0)
             reference = None if captured is None else scene.resolved(captured)
-            found = splat_light.places_of(splats, proxy, self.tracer, reference)
+            found = splat_light.places_of(splats, proxy, self.tracer, reference, progress=self._say)
             rows = [found.points, found.normals, np.full((1, 3), found.near)]
             return np.concatenate(rows)
 

@@ -53,3 +53,19 @@ def test_splats_on_edges_take_the_light_there(welded: bool) -> None:
     sun = Lighting(lights=(DirectionalLight(name="sun", direction=-normal, intensity=2.0),))
     light = tracer.point_layers(sun, found.points, found.normals, 1).total
     np.testing.assert_allclose(light, 2, rtol=1e-4)
+
+
+def test_it_is_told_how_far_it_is_and_ends_where_a_listener_raises() -> None:
+    proxy, normal = sheet(welded=True)
+    splats = splats_at(proxy.vertices[proxy.faces].mean(axis=1), normal)
+    tracer = splat_light.tracer_for(proxy, RenderSettings())
+    heard: list[float] = []
+    splat_light.places_of(splats, proxy, tracer, None, progress=lambda what, done: heard.append(done))
+    assert heard[0] == 0 and len(heard) > 1 and heard == sorted(heard) and heard[-1] <= 1
+
+    def stop(what: str, done: float) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        splat_light.places_of(splats, proxy, tracer, None, progress=stop)

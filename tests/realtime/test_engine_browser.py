@@ -465,6 +465,14 @@ def test_camera_and_mode_that_the_engine_lacks_are_warned_of(data: Path, tmp_pat
         assert part in said
 
 
+def test_a_page_that_loads_much_says_what_takes_it(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not [x for x in realtime.export(make_job(data), CAMERA, LIGHTING, tmp_path).warnings if "loads" in x]
+    monkeypatch.setattr(bundle, "_HEAVY", 1000)
+    (said,) = (x for x in realtime.export(make_job(data), CAMERA, LIGHTING, tmp_path).warnings if "loads" in x)
+    for name in ("proxy.glb", "splats.ply"):
+        assert f"{name} {(tmp_path / name).stat().st_size / 1e6:,.0f}" in said
+
+
 def test_missing_chromium_is_one_line(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(browser, "BROWSERS", ())
     monkeypatch.delenv("MIRELIGHT_BROWSER", raising=False)

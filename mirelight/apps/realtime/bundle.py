@@ -48,6 +48,7 @@ PAGE = ("index.html", "live.mjs", "scene.mjs", "sides.mjs")  # what a person ope
 _TONE_CURVES: dict[ToneCurve, str] = {"none": "none", "aces": "aces", "neutral": "neutral", "agx": "none"}
 _FAR_FACTOR = 4.0  # far plane, in distances from the eye to the scene's far end
 _SHADOW_PIXELS, _SHADOW_BIAS = 2048, 0.1
+_HEAVY = 300_000_000  # bytes of splats and proxy, from which a page is long in coming
 _NO_PROXY = ProxyMesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
@@ -118,7 +119,20 @@ def export(
         write_hdr(folder / "environment.hdr", engine_lighting.environment.pixels)
     write_file(folder / "scene.json", json.dumps(description, indent=1) + "\n")
     pages.write(folder)
-    return Exported(folder=folder, description=description, warnings=warnings)
+    return Exported(folder=folder, description=description, warnings=(*warnings, *_heavy(folder)))
+
+
+def _heavy(folder: Path) -> list[str]:
+    """What a page loads, where that is much."""
+    each = {x.name: x.stat().st_size for x in sorted(folder.iterdir()) if x.suffix in (".ply", ".sog", ".webp", ".glb")}
+    total = sum(each.values())
+    if total < _HEAVY:
+        return []
+    parts = ", ".join(f"{name} {size / 1e6:,.0f}" for name, size in each.items())
+    return [
+        f"the page loads {total / 1e6:,.0f} MB ({parts}): splats as .sog take a tenth of a .ply, and "
+        "`mirelight proxy CAPTURE --triangles 200000` makes a proxy that takes less"
+    ]
 
 
 def _with_normals(proxy: ProxyMesh) -> ProxyMesh:

@@ -8,8 +8,9 @@ that in which its pictures agree best (a plane sweep: Collins, 1996), and there 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,7 +130,7 @@ def _panes(flat: Flat, views: Sequence[DepthMap], spacing: float) -> list[Bool]:
 def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) -> Window | None:
     """What is white in the plane where the pictures agree best; None where that is the wall's face, as of a patch of
     sun."""
-    from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes
+    from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, binary_opening
 
     eyes = np.stack([view.camera.position for view in views])
     front = 1.0 if float(np.median(wall.off(eyes))) > 0 else -1.0
@@ -153,10 +154,12 @@ def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) 
     square = np.ones((2 * reach + 1,) * 2, bool)
     seen = shown.seen >= TUNING.opening_seen
     near = replace(wall, there=binary_dilation(panes)).inside(face.middles).reshape(seen.shape)
-    white = _behind(_is_white(shown.white, seen) & binary_dilation(near, square), shown.behind)
+    white = _is_white(shown.white, _usual_white(face, wall, views, spacing), seen)
+    white = _behind(white & binary_dilation(near, square), shown.behind)
     whole = binary_fill_holes(binary_closing(np.pad(white, reach), square)[reach:-reach, reach:-reach])
     rim = binary_dilation(whole, square) & seen
-    return Window(wall, replace(face, there=whole), (whole | rim) & ~white, front)
+    bars = binary_opening((whole | rim) & ~white, np.ones((2, 2), bool))  # no crumbs a cell wide
+    return Window(wall, replace(face, there=whole), bars, front)
 
 
 def _behind(white: Bool, behind: F64) -> Bool:
@@ -168,16 +171,28 @@ def _behind(white: Bool, behind: F64) -> Bool:
     return np.asarray(np.concatenate([[False], deep])[part])
 
 
-def _is_white(mean: F64, seen: Bool) -> Bool:
+def _is_white(mean: F64, usual: F32, seen: Bool) -> Bool:
     """(I, J) cells nearly as white as the whitest around them, as bars are blurred. What no view sees is
-    none: fog hangs before bars."""
+    none: fog hangs before bars.
+
+    Args:
+        mean: (I, J) 0 to 1, how white they are to all views.
+        usual: the same to the middle one of them. A curtain or a shelf before a window's edge, or dust, is in some
+            pictures alone and no bar; but the median thins bars that a sky is blurred over.
+        seen: (I, J) whether views see them.
+    """
     from scipy.ndimage import maximum_filter, minimum_filter
 
-    around = 2 * round(1 / TUNING.opening_fine) + 1
-    high = maximum_filter(mean, around)
-    low = minimum_filter(np.where(seen, mean, high), around)
+    def around(white: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        wide = 2 * round(1 / TUNING.opening_fine) + 1
+        high = maximum_filter(white, wide)
+        return minimum_filter(np.where(seen, white, high), wide), high
+
+    low, high = around(mean)
+    least, most = around(usual)
     part = low + TUNING.opening_part * (high - low)
-    return np.asarray(seen & (high > TUNING.opening_white) & ((mean > part) | (high - low < TUNING.opening_even)))
+    even = (high - low < TUNING.opening_even) | (most - least < TUNING.opening_usual)
+    return np.asarray(seen & (most > TUNING.opening_white) & ((mean > part) | even))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,14 +208,7 @@ class _Shown:
 def _shown(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> _Shown:
     at = face.middles
     seen, total, square, behind = (np.zeros(len(at)) for _ in range(4))
-    for view in views:
-        rows, pixel, off = looked_at(view, wall, at, spacing)
-        off = np.where(view.depth.ravel()[pixel] > 0, off, TUNING.opening_far)  # nothing is there
-        there = off > -TUNING.opening_before
-        rows, pixel, off = rows[there], pixel[there], off[there]
-        white: F32 = np.clip(
-            (view.color.min(axis=-1).ravel()[pixel] - TUNING.opening_dark) / (1 - TUNING.opening_dark), 0, 1
-        )
+    for rows, white, off in _whites(at, wall, views, spacing):
         seen[rows] += 1
         total[rows] += white
         square[rows] += white * white
@@ -209,6 +217,32 @@ def _shown(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) ->
     mean = total / count
     rows_of = (seen, mean, square / count - mean * mean, behind / count)
     return _Shown(*(x.reshape(face.there.shape) for x in rows_of))
+
+
+def _usual_white(face: Flat, wall: Flat, views: Sequence[DepthMap], spacing: float) -> F32:
+    """(I, J) how white cells of a window's plane are to the middle one of the views, 0 where none sees them."""
+    at = face.middles
+    white = np.full((len(views), len(at)), np.inf, np.float32)
+    for k, (rows, part, _) in enumerate(_whites(at, wall, views, spacing)):
+        white[k, rows] = part
+    white.sort(axis=0)
+    seen = np.isfinite(white).sum(axis=0)
+    middle = np.take_along_axis(white, np.maximum(seen[None] - 1, 0) // 2, axis=0)[0]
+    return np.where(seen > 0, middle, np.float32(0)).reshape(face.there.shape)
+
+
+def _whites(
+    at: F64, wall: Flat, views: Sequence[DepthMap], spacing: float
+) -> Iterator[tuple[NDArray[np.int64], F32, F64]]:
+    """For each view: which of points (N, 3) nothing hides before the wall, (M,); how white it is there, 0 to 1; how far
+    behind the wall the surface is, in spacings."""
+    for view in views:
+        rows, pixel, off = looked_at(view, wall, at, spacing)
+        off = np.where(view.depth.ravel()[pixel] > 0, off, TUNING.opening_far)  # nothing is there
+        there = off > -TUNING.opening_before
+        least = view.color.min(axis=-1).ravel()[pixel[there]]
+        white: F32 = np.clip((least - TUNING.opening_dark) / (1 - TUNING.opening_dark), 0, 1)
+        yield rows[there], white, off[there]
 
 
 def looked_at(view: DepthMap, flat: Flat, at: F64, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int64], F64]:

@@ -124,6 +124,7 @@ class Tuning:
     # over the edges of bars; half of it makes them thinner by a quarter
     opening_part: float = 0.75
     opening_even: float = 0.1  # a sky's cells differ by less, where no bar is among them
+    opening_usual: float = 0.05  # or to the middle one of the views by less: 0.1 takes thin bars from a skylight
 
     # dark doorways (`lids`)
     lid_dark: float = 0.25  # display value of the greatest channel: a dark room's are 0.02 to 0.2

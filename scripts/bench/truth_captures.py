@@ -171,6 +171,9 @@ PLANS = (
     ),
     _Plan("bust", "bust", "bust, trained", "soft boxes", ("low sun", "clouds", "lamp"), shooting=Shooting()),
     _Plan("street", "street", "street, trained", "clouds", ("clear day", "low sun", "lanterns"), shooting=_LONGER),
+    _Plan(
+        "flat", "flat", "flat, trained", "sunny", ("overcast", "lamps", "low sun"), shooting=replace(_LONGER, spp=32)
+    ),
 )
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
@@ -188,6 +191,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "bust": ((0.39, 0.58, 1.06), (0.0, 0.165, 0.0), 27),
     "hall": ((2.8, 1.55, 1.9), (-0.8, 1.35, -0.7), 52),
     "street": ((4.6, 1.65, 1.4), (-1.5, 1.7, -0.9), 54),
+    "flat": ((-0.55, 1.5, 1.2), (-2.9, 1.0, -0.9), 60),
     "park": ((2.3, 1.3, 2.4), (0.0, 0.55, 0.2), 46),
 }
 

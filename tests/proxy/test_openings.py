@@ -24,10 +24,16 @@ def plane(z: float, ways: F64, eye: F64) -> F64:
 
 
 def view(
-    eye: tuple[float, float, float], white: bool = True, *, ledge: float | None = None, blurred: bool = False
+    eye: tuple[float, float, float],
+    white: bool = True,
+    *,
+    ledge: float | None = None,
+    blurred: bool = False,
+    dusty: bool = False,
 ) -> DepthMap:
     """A wall across z with a window, and a cross of bars before a sky that is a fog; below it a white sill that lies so
-    far before the wall's face; or blurred by a pixel before a sky that is brighter than white."""
+    far before the wall's face; or blurred by a pixel before a sky that is brighter than white; or with a tenth of the
+    sky gray by what hangs before it in this picture."""
     camera = Camera.look_at(eye, (0.2 * eye[0], 0, 0), 120, 90, yfov=50)
     _, ways = rays(camera)
     at, behind = plane(0.0, ways, np.array(eye)), plane(-DEEP, ways, np.array(eye))
@@ -37,6 +43,11 @@ def view(
     level = np.where(window & ~bars, 1.0 if white else 0.8, 0.4)
     if blurred:
         level = np.clip(gaussian_filter(np.where(window & ~bars, 2.5, 0.2), 1.0), 0, 1)
+    if dusty:
+        spots = gaussian_filter(
+            np.random.default_rng(round(1e3 * eye[0] + 1e2 * eye[1] + 1e4)).normal(size=(90, 120)), 3
+        )
+        level = np.where(window & ~bars & (spots > np.quantile(spots, 0.9)), 0.6, level)
     if ledge is not None:
         x, y = np.moveaxis(plane(ledge, ways, np.array(eye)), -1, 0)
         sill = (np.abs(x) < HALF) & (y < -HALF - 0.05) & (y > -HALF - 0.2)
@@ -83,6 +94,14 @@ def test_a_sky_brighter_than_white_leaves_most_of_bars_it_is_blurred_over() -> N
     x, y = window.face.middles.reshape(*window.bars.shape, 3)[..., :2].transpose(2, 0, 1)
     beside = (np.abs(y) > 0.15) & (np.abs(y) < HALF - 2 * SPACING) & (np.abs(x) < 0.2)
     assert BAR < window.bars[beside].mean() * 0.4 < 2.5 * BAR
+
+
+def test_what_hangs_before_panes_in_some_pictures_is_no_bar() -> None:
+    (window,) = windows_of([view(eye, dusty=True) for eye in EYES], [wall()], SPACING)
+    x, y = window.face.middles.reshape(*window.bars.shape, 3)[..., :2].transpose(2, 0, 1)
+    near, far = np.minimum(np.abs(x), np.abs(y)), np.maximum(np.abs(x), np.abs(y))
+    inner = far < HALF - DEEP
+    assert window.bars[inner & (near < BAR - 0.03)].all() and window.bars[inner & (near > BAR + 0.04)].mean() < 0.03
 
 
 def test_a_sill_that_shines_is_no_pane() -> None:

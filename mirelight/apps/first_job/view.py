@@ -31,6 +31,7 @@ _FOG = 0.06  # of their distance, over which they blend: walls 0.015, skies 0.18
 _SHOWN_ABOVE = 0.05  # of what is above, that a picture may show where it is not known to be open
 _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
 _ROOF = 0.75  # alpha of what is above where people stood in rooms: 0.84 to 0.95; in a street under a white sky to 0.66
+_IN_THE_AIR = 0.6  # of the way from an eye in a room to what it looks at
 _MOST_EYES = 7  # places at which they are asked for walls
 _MOST_CAPTURED = 24  # cameras of the capture that are tried
 _STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
@@ -50,7 +51,7 @@ class FirstView:
     """A chosen camera and what it shows."""
 
     camera: Camera
-    target: F64  # (3,) what it looks at
+    target: F64  # (3,) the middle of what it looks at; in a room that was stood in, in the air before that
     room: bool  # seen from inside
     luminance: float  # mean of the splats' pixels as captured, linear
     white: float  # share of them at the end of a channel
@@ -127,7 +128,8 @@ def best(
     own = _colors(layer)
     light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
-    return FirstView(layer.camera, middle, room, float(colour.luminance(light).mean()), white, deep)
+    target = _ahead(layer) if room and stood else middle
+    return FirstView(layer.camera, target, room, float(colour.luminance(light).mean()), white, deep)
 
 
 def _bounds(points: F64) -> tuple[F64, F64]:
@@ -135,6 +137,17 @@ def _bounds(points: F64) -> tuple[F64, F64]:
     least, low, high, most = np.quantile(points, [0.001, 0.01, 0.99, 0.999], axis=0)
     beyond = _FLOATING * (high - low)
     return np.where(low - least <= beyond, least, low), np.where(most - high <= beyond, most, high)
+
+
+def _ahead(layer: SplatLayer) -> F64:
+    """(3,) in the air before most of what the middle of a picture shows.
+
+    The middle of a flat may lie in a wall, that of a hall in a statue.
+    """
+    h, w = layer.median_depth.shape
+    shown = layer.median_depth[h // 4 : h - h // 4, w // 4 : w - w // 4]
+    depth = float(np.quantile(shown[shown > 0], 0.25)) if (shown > 0).any() else 0.0
+    return layer.camera.position - _IN_THE_AIR * depth * layer.camera.world_from_camera[:3, 2]
 
 
 def _wide(camera: Camera) -> Camera:

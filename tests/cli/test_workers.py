@@ -129,7 +129,7 @@ def test_idle_workers_that_are_killed_are_replaced(folder: Path) -> None:
         said = ""
         for line in process.stderr:
             said += line
-            if "waiting for 1 cameras" in line:
+            if "waiting for 1 camera " in line:
                 break
         for worker in children(process.pid):
             os.kill(worker, signal.SIGKILL)

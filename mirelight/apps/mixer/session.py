@@ -179,6 +179,8 @@ class Session:
         """Progress of a trace; ends it where something else comes first."""
         with self._news:
             urgency, number, layer = self._working
+            if urgency == np.inf:  # nobody has asked: it is found where splats lie
+                return
             if self._is_over(urgency, number, layer):
                 raise _EndedError
             if share - self._done > 0.02 or share < self._done:
@@ -189,8 +191,6 @@ class Session:
 
     def _is_over(self, urgency: float, number: int, layer: int | None) -> bool:
         """Whether a request was replaced, or another one comes before it."""
-        if urgency == np.inf:  # nobody has asked
-            return False
         if layer is not None:
             replaced = self._numbers[layer] != number
         else:

@@ -15,6 +15,7 @@ from mirelight.model import F32, F64, Camera, SplatCloud, SplatLayer
 from mirelight.proxy.depth import pixels_of
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.types import ProxySettings
+from mirelight.proxy.views import evenly
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -31,8 +32,8 @@ _FOG = 0.06  # of their distance, over which they blend: walls 0.015, skies 0.18
 _SHOWN_ABOVE = 0.05  # of what is above, that a picture may show where it is not known to be open
 _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall of glass
 _ROOF = 0.75  # alpha of what is above where people stood in rooms: 0.84 to 0.95; in a street under a white sky to 0.66
+_MOST_EYES = 7  # places where people stood that are asked for walls
 _IN_THE_AIR = 0.6  # of the way from an eye in a room to what it looks at
-_MOST_EYES = 7  # places at which they are asked for walls
 _MOST_CAPTURED = 24  # cameras of the capture that are tried
 _STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
 _CUT = 8.0  # by how much of e a view is worth less that cuts off as much as it is wide
@@ -102,9 +103,9 @@ def best(
     compositor = Compositor(cloud)
     stood_at = captured or (guess() if guess else taken_from(cloud, ProxySettings()))
     room = not outside and (
-        _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
-        if not stood_at
-        else _is_inside(compositor, stood_at) or (bool(captured) and _is_walled(compositor, captured))
+        _is_inside(compositor, stood_at) or (bool(captured) and _is_walled(compositor, captured))
+        if stood_at
+        else _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
     )
     tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
     if not captured and cloud.sh_degree:  # from where plain colours look clear tells nothing of what people aim at
@@ -216,8 +217,8 @@ def _is_inside(compositor: Compositor, cameras: Sequence[Camera]) -> bool:
     if not went > 0:
         return False
     shown = [
-        [compositor.composite(c, depth=True) for c in _around(eye, went)]
-        for eye in eyes[:: -(-len(eyes) // _MOST_EYES)]
+        [compositor.composite(c, depth=True) for c in _around(camera.position, went)]
+        for camera in evenly(cameras, _MOST_EYES)
     ]
     alphas = np.median([_alphas(sides) for sides in shown], axis=0)
     depths = np.concatenate([_depths(sides) for sides in shown])

@@ -27,6 +27,7 @@ from mirelight.store.index import Index
 from mirelight.store.journal import Journal
 
 from .conftest import COMMAND, Run, environment
+from .said import said_until
 from .test_store import left_over, rows
 
 CAMERA = Camera.look_at((0, 0, 3), (0, 0, 0), 8, 6, name="front")
@@ -252,19 +253,11 @@ def test_two_machines_share_a_folder(folder: Path, run: Run) -> None:
         )
 
     one = start("hal -7200")
-    assert one.stderr is not None
-    for line in one.stderr:
-        if "made in" in line:
-            break
+    said_until(one, "made in")
     one.send_signal(signal.SIGSTOP)  # in the middle of a camera
     claims = list((folder / "out" / ".mirelight" / "claims").iterdir())
     other = start("eve 7200")
-    assert other.stderr is not None
-    said = ""
-    for line in other.stderr:
-        said += line
-        if "waiting for 1 camera that other processes render" in line:
-            break
+    said = said_until(other, "waiting for 1 camera that other processes render")
     one.kill()
     one.communicate()
     status = json.loads(run("status", "out", "--json").stdout)

@@ -11,13 +11,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from .conftest import COMMAND, JOB, Run, environment
+from .said import said_until
 from .test_store import left_over, rows
 from .test_workers import same
 
@@ -101,21 +102,10 @@ def render(folder: Path, cluster: Cluster, *more: str) -> subprocess.Popen[str]:
     )
 
 
-def until(process: subprocess.Popen[str], said: Callable[[str], bool]) -> str:
-    """What a render says on stderr until it says that."""
-    assert process.stderr is not None
-    lines = ""
-    for line in process.stderr:
-        lines += line
-        if said(line):
-            break
-    return lines
-
-
 def test_a_worker_dies_and_all_is_there(folder: Path, run: Run, cluster: Cluster) -> None:
     doomed = cluster.processes()[0]
     process = render(folder, cluster, *ORBIT, "--out", "parts")
-    before = until(process, lambda line: "made in" in line)
+    before = said_until(process, "made in")
     os.kill(doomed, signal.SIGKILL)
     out, err = process.communicate(timeout=240)
     assert process.returncode == 0 and out.startswith("12 frames in parts"), before + err
@@ -143,7 +133,7 @@ def test_a_camera_that_kills_workers_is_recorded(folder: Path, cluster: Cluster)
 
 def test_ctrl_c_ends_the_workers_part_too(folder: Path, run: Run, cluster: Cluster) -> None:
     process = render(folder, cluster, *ORBIT)
-    until(process, lambda line: "made in" in line)
+    said_until(process, "made in")
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 130 and "the same command goes on from there" in err
@@ -162,7 +152,7 @@ def test_ctrl_c_ends_the_workers_part_too(folder: Path, run: Run, cluster: Clust
 
 def test_a_scheduler_that_goes_is_said_in_a_line(folder: Path, run: Run, cluster: Cluster) -> None:
     process = render(folder, cluster, *ORBIT)
-    until(process, lambda line: "made in" in line)
+    said_until(process, "made in")
     cluster.scheduler.kill()
     _, err = process.communicate(timeout=120)
     assert process.returncode == 2 and "Traceback" not in err

@@ -16,6 +16,7 @@ from mirelight.io.exr import read_exr
 from mirelight.store.claims import Claims
 
 from .conftest import COMMAND, Run, environment
+from .said import said_until
 from .test_store import left_over
 
 TURN = ("--set", "cameras[1].frames=8", "--camera", "orbit")  # 8 cameras under 2 lightings
@@ -125,12 +126,8 @@ def test_idle_workers_that_are_killed_are_replaced(folder: Path) -> None:
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert mine and process.stderr is not None
-        said = ""
-        for line in process.stderr:
-            said += line
-            if "waiting for 1 camera " in line:
-                break
+        assert mine
+        said = said_until(process, "waiting for 1 camera ")
         for worker in children(process.pid):
             os.kill(worker, signal.SIGKILL)
     out, err = process.communicate(timeout=120)
@@ -141,10 +138,7 @@ def test_idle_workers_that_are_killed_are_replaced(folder: Path) -> None:
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_end_all(folder: Path, number: signal.Signals, code: int) -> None:
     process = start(folder)
-    assert process.stderr is not None
-    for line in process.stderr:
-        if "made in" in line:
-            break
+    said_until(process, "made in")
     workers = children(process.pid)
     process.send_signal(number)
     _, err = process.communicate(timeout=120)

@@ -12,6 +12,7 @@ from uuid import uuid4
 
 import pytest
 
+from tests.guesses import guess_once
 from tests.threads import BESIDE, share_cores
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,6 +42,15 @@ def _cache_of_all() -> Iterator[None]:
     """What is made for every command goes to a folder of the tests, also by fixtures that many share."""
     with tempfile.TemporaryDirectory(prefix="mirelight-cache-") as folder, pytest.MonkeyPatch.context() as patch:
         patch.setenv("MIRELIGHT_CACHE_DIR", folder)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _guesses_of_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Where the same splats were taken from is guessed once, by whichever process is first."""
+    own = tmp_path_factory.getbasetemp()
+    with pytest.MonkeyPatch.context() as patch:
+        guess_once(patch, (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "guesses")
         yield
 
 

@@ -1,4 +1,4 @@
-"""Objects of a first job: set down where the first picture looks, beside each other, in a size that shows."""
+"""Objects of a first job: set down where the first picture looks, on free ground, in a size that shows."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.apps.first_job import view
+from mirelight.apps.first_job.free_ground import FreeGround
 from mirelight.apps.first_job.toml_text import Names, position
 from mirelight.base.errors import printable
 from mirelight.io import mesh
@@ -107,12 +108,16 @@ def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> It
     eye, target = seen.camera.position, np.asarray(seen.target)
     way = np.asarray(eye - target)
     away = float(np.linalg.norm(way))
+    ground = FreeGround(seen.picture)
     for i, file in enumerate(files):
         whole, size, scale = file.whole, file.things[0].size, 1.0
         if size > 0 and not (_SHOWS[0] * away <= size <= _SHOWS[1] * away and whole.size <= _WIDEST * away):
             scale = float(f"{min(_SIZE * away / size, _WIDEST * away / whole.size):.2g}")
         beside = (i - (len(files) - 1) / 2) * _APART * away * seen.camera.world_from_camera[:3, 0]
         place = target + _NEARER * way + beside
+        wide, height = scale * (whole.high - whole.low)[[0, 2]], scale * float((whole.high - whole.low)[1])
+        free = ground.take(place, float(wide.max()) / 2, height)
+        place = place if free is None else free
         place[1] = max(float(eye[1]), float(target[1])) - scale * float(whole.high[1])  # its top as high as the eye
         place -= scale * (whole.low + whole.high) / 2 * (1, 0, 1)
         yield ""

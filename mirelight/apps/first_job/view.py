@@ -57,6 +57,7 @@ class FirstView:
     luminance: float  # mean of the splats' pixels as captured, linear
     white: float  # share of them at the end of a channel
     depth: float  # of what they blend, as a share of the capture's radius
+    picture: SplatLayer  # small
 
     @property
     def brightness(self) -> str:
@@ -130,7 +131,7 @@ def best(
     light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
     target = _ahead(layer) if room and stood else middle
-    return FirstView(layer.camera, target, room, float(colour.luminance(light).mean()), white, deep)
+    return FirstView(layer.camera, target, room, float(colour.luminance(light).mean()), white, deep, layer)
 
 
 def _bounds(points: F64) -> tuple[F64, F64]:

@@ -161,6 +161,20 @@ def test_a_hall_is_a_room_though_a_thing_fills_its_middle() -> None:
     assert np.abs(first.target).max() > 0.4 and np.linalg.norm(first.target) < 1
 
 
+@pytest.mark.parametrize("cut_out", [True, False])
+def test_what_is_cut_out_of_its_place_is_shown_whole(cut_out: bool) -> None:
+    """From a side that it was seen from; with the place round it, cameras stand where they did."""
+    thing, place = ball(1500), box_shell(6, 0.25, thin=0.05, faces=(0, 1, 2, 4, 5))
+    cloud = thing if cut_out else joined(thing, place)
+    cloud = replace(cloud, sh=np.pad(cloud.sh, ((0, 0), (0, 3), (0, 0))))  # of degree 1: places of cameras are told
+    eyes = [1.6 * np.array([np.sin(a), 0.3, np.cos(a)]) for a in np.arange(0, 3, 0.3)]
+    near = [Camera.look_at(eye, (0, 0, 0), 64, 36, yfov=60) for eye in eyes]
+    found = view.best(cloud, "a.ply", guess=lambda: near)
+    assert (view._share(thing.means.astype(np.float64), found.camera) == 1) == cut_out
+    assert (np.linalg.norm(found.camera.position - eyes, axis=1).min() < 1e-6) != cut_out
+    assert found.camera.position[0] > -0.1
+
+
 def test_a_floor_and_nothing_else() -> None:
     """From the side there is no layer with splats that face that way."""
     rng = np.random.default_rng(0)

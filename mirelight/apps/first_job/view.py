@@ -44,6 +44,8 @@ _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
 _SKY_WHITE = 0.95  # in all channels, as splats have them: a white sky
 _UP = 4  # of the sides that a room has
+_NOTHING = 0.05  # mean alpha
+_HIGH = 0.6  # sine of the height above which a thing is seen from above
 _FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
 
 
@@ -111,6 +113,8 @@ def best(
     tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
     if not captured and cloud.sh_degree:  # from where plain colours look clear tells nothing of what people aim at
         tried = [_wide(x) for x in stood_at]
+        if _is_around(compositor, middle, tried):
+            tried = _whole_from(points, middle, tried)
     views = [x for c in tried if (x := _within(c, radius)) is not None]
     stood = bool(views)
     if not stood:
@@ -139,6 +143,24 @@ def _bounds(points: F64) -> tuple[F64, F64]:
     least, low, high, most = np.quantile(points, [0.001, 0.01, 0.99, 0.999], axis=0)
     beyond = _FLOATING * (high - low)
     return np.where(low - least <= beyond, least, low), np.where(most - high <= beyond, most, high)
+
+
+def _is_around(compositor: Compositor, middle: F64, cameras: Sequence[Camera]) -> bool:
+    """Whether cameras stood around all that there is, as around a thing alone or one cut out: turned round,
+    they would show nothing."""
+    behind = [
+        Camera.look_at(x.position, 2 * x.position - middle, 48, 48, yfov=90, near=x.near)
+        for x in evenly(cameras, _MOST_EYES)
+    ]
+    shown = [1 - float(compositor.composite(x).transmittance.mean()) for x in behind]
+    return bool(shown) and float(np.mean(shown)) < _NOTHING
+
+
+def _whole_from(points: F64, middle: F64, cameras: Sequence[Camera]) -> list[Camera]:
+    """All points (N, 3) from the sides where cameras stood, not from high above where any stood lower."""
+    ways = [x.position - middle for x in cameras]
+    ways = [way / np.linalg.norm(way) for way in ways]
+    return [_framed(points, middle, way) for way in [x for x in ways if x[1] < _HIGH] or ways]
 
 
 def _ahead(layer: SplatLayer) -> F64:

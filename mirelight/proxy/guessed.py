@@ -196,9 +196,13 @@ def _places(told: _Told, capture: Capture, settings: ProxySettings) -> F64:
     shells = list(_candidates(capture, told))
     worths = [np.array([told.worth(place) for place in shell]) for shell in shells]
     best = max(float(x.max()) for x in worths)
-    # far off, a place is told by its direction alone: nearer ones that are as good show more
-    farthest = next(k for k, x in enumerate(worths) if x.max() > TUNING.guess_near * best)
-    candidates, worth = (np.concatenate(x[: farthest + 1]) for x in (shells, worths))
+    if worths[-1].max() > TUNING.guess_alone * best:
+        # a thing alone: directions tell all, and people stood as far off as shows all of it
+        candidates, worth = shells[-1], worths[-1]
+    else:
+        # far off, a place is told by its direction alone: nearer ones that are as good show more
+        farthest = next(k for k, x in enumerate(worths) if x.max() > TUNING.guess_near * best)
+        candidates, worth = (np.concatenate(x[: farthest + 1]) for x in (shells, worths))
     if best < TUNING.guess_clear * float(np.median(worth)):
         return np.zeros((0, 3))
     left = _some(candidates[worth > told.share * best], TUNING.guess_tried)

@@ -22,7 +22,7 @@ from mirelight.pipeline.cache import UserCache
 from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.scene import prepare
 from mirelight.proxy import ProxySettings, make
-from mirelight.proxy.capture import Capture, look_at_capture
+from mirelight.proxy.capture import Capture, look_at_capture, take
 from mirelight.proxy.guessed import guessed, taken_from
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import lattice, moved
@@ -34,6 +34,8 @@ FEW = replace(TUNING, guess_sample=600)
 RING = np.stack(
     [2.2 * np.sin(np.arange(24) * np.pi / 12), np.full(24, 1.0), 2.2 * np.cos(np.arange(24) * np.pi / 12)], 1
 )
+
+WALLS = box_shell(8.0, 0.4, thin=0.3, faces=(0, 1, 4, 5))  # what stands round it
 
 
 @pytest.fixture(autouse=True)
@@ -82,6 +84,19 @@ def test_a_ring_about_a_thing_is_found_again() -> None:
     assert len(np.unique(turn // 45)) >= 7  # from all around
     down = np.array([-x.world_from_camera[1, 2] for x in cameras])
     assert np.mean(down < 0) > 0.8
+
+
+def test_a_thing_alone_is_looked_at_as_a_whole() -> None:
+    """How far off people stood is not told where nothing stands round it; on which sides they stood is."""
+    whole = thing()
+    cut = take(whole, np.flatnonzero(np.linalg.norm(whole.means - (0, 0.5, 0), axis=1) < 0.8))
+    capture, cameras = found(coloured(cut, RING))
+    eyes = np.array([x.position for x in cameras]) - capture.middle
+    away = np.linalg.norm(eyes, axis=1)
+    sides = RING - (0, 0.5, 0)
+    cosine = eyes / away[:, None] @ (sides / np.linalg.norm(sides, axis=1, keepdims=True)).T
+    assert np.abs(away / capture.radius - TUNING.guess_away[-1]).max() < 1e-6
+    assert np.degrees(np.arccos(np.median(cosine.max(axis=1)))) < 20
 
 
 def test_a_room_is_looked_at_from_inside() -> None:
@@ -208,7 +223,7 @@ def test_one_guess_serves_all_that_is_made_of_a_capture(tmp_path: Path, monkeypa
 
 
 def test_a_first_picture_is_taken_from_there() -> None:
-    cloud = coloured(thing(), RING)
+    cloud = coloured(joined(thing(), WALLS), RING)
     told, untold = (best(x, "here").camera.position for x in (cloud, replace(cloud, sh=cloud.sh[:, :1])))
     near, far = (np.linalg.norm(RING - x, axis=1).min() for x in (told, untold))
     assert near < 1.3 < far
@@ -219,7 +234,10 @@ def test_a_first_picture_has_things_whole() -> None:
     cloud = thing()
     chequered = np.where((np.floor(4 * cloud.means[:, [0, 2]]).sum(axis=1) % 2 > 0) & (cloud.means[:, 1] < 0.01), 1, 0)
     sh = np.pad((cloud.sh + chequered[:, None, None]).astype(np.float32), ((0, 0), (0, 3), (0, 0)))
-    cloud = replace(cloud, sh=sh)  # plain colours do not tell what was aimed at
+    points, ahead = square(2.0, 0.1, 2, 2.4)  # behind both: else all is shown from farther off
+    behind = on_surface(points + np.array([0, 1.5, 0]), ahead, 0.05, thin=0.3)
+    behind = replace(behind, sh=np.pad(behind.sh, ((0, 0), (0, 3), (0, 0))))
+    cloud = joined(replace(cloud, sh=sh), behind)  # plain colours do not tell what was aimed at
     eye, at = (0, 1.5, 2), {"cut": (0, -0.6, 0), "whole": (0, 0.2, 0)}
     cut, whole = (Camera.look_at(eye, where, 64, 36, yfov=60, name=name) for name, where in at.items())
     assert best(cloud, "here", (cut, whole)).camera.name == "cut"

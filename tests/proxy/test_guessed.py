@@ -119,7 +119,8 @@ def junk(points: F64) -> SplatCloud:
     return replace(faint, quats=np.tile(np.array([1, 0, 0, 0], np.float32), (len(points), 1)))
 
 
-def test_where_colours_tell_nothing_it_is_told_by_how_clear_things_look() -> None:
+def test_where_colours_tell_nothing_it_is_told_by_how_clear_things_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, clear_grid=7, guess_tried=48))
     ground = junk(np.random.default_rng(2).uniform((-2.4, -0.6, -2.4), (2.4, -0.1, 2.4), (800, 3)))
     _, cameras = found(joined(thing(), ground))
     eyes = np.array([x.position for x in cameras])
@@ -136,7 +137,7 @@ def test_colours_that_are_as_large_in_all_directions_tell_nothing() -> None:
 
 
 def test_a_room_of_plain_colours_is_looked_at_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, clear_grid=7))
+    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, clear_grid=5))
     sides = np.random.default_rng(4).uniform(-2.5, 2.5, (6000, 3))
     _, cameras = found(joined(box_shell(4.0, 0.16, thin=0.3), junk(sides[np.abs(sides).max(axis=1) > 2.15])))
     assert cameras

@@ -366,7 +366,7 @@ def test_exported_page_runs_live_and_its_sliders_work(served: str, page: Page) -
     assert page.locator("#lights label").all_inner_texts() == ["sun", "lamp", "torch"]
     page.locator("#lights input[name=sun]").uncheck()
     settled(page, page, other_than=lit)  # darker
-    for width, height in ((1280, 720), (390, 844)):
+    for width, height in ((800, 450), (390, 844)):
         page.set_viewport_size({"width": width, "height": height})
         box = {"x": 0, "y": 0, "width": width, "height": height}
         same = "wanted => Object.entries(wanted).every(([k, x]) => view.getBoundingClientRect()[k] === x)"

@@ -13,7 +13,7 @@ from mirelight.pipeline.scene import prepare
 from .shelf import SHIPPED
 
 SCENES = Path(__file__).parents[2] / "scenes"
-SETTINGS = ["resolution=[448, 252]", "render.spp=16", "render.denoise=true", "relight.texture_scale=0.5"]
+SETTINGS = ["resolution=[384, 216]", "render.spp=16", "render.denoise=true", "relight.texture_scale=0.5"]
 
 
 def found(
@@ -45,7 +45,7 @@ def test_every_light_of_the_courtyards_night_is_within_a_tenth_in_two_pictures()
 
 def test_every_intensity_of_the_gels_is_within_a_tenth_in_two_pictures() -> None:
     """Their environment is a fiftieth of the pictures' light."""
-    finer = ["resolution=[512, 288]", "relight.texture_scale=0.75"]
+    finer = ["resolution=[448, 252]", "relight.texture_scale=0.75"]
     as_traced = ["render.spp=8", "render.denoise=false"]  # cleaning costs more than it gains
     layers = found("stage", "gels", ["front", "low"], *finer, *as_traced, keep_colours=True)
     assert [x.name for x in layers if x.seen] == ["magenta", "cyan", "amber", "environment"]

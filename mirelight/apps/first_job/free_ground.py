@@ -71,7 +71,7 @@ class FreeGround:
         _, place, columns = best
         self._taken.append((place, radius))
         self._columns.append(columns)
-        return place
+        return place.copy()
 
     def _hidden(self, columns: tuple[float, float]) -> int:
         """In quarters, how much of those columns other objects fill."""

@@ -51,6 +51,8 @@ class Task:
     seen: F64  # (N, K) what the sun, lights that are known and lamps bring
     firm: NDArray[np.bool_]  # (N,) places that count
     robust: float = TUNING.fit_robust
+    # the highest albedo of ground outside; where suns are searched it may stand for what a proxy gets wrong
+    ground: float = 1.0
 
 
 def firm_places(places: Places, found: Sun | None) -> NDArray[np.bool_]:
@@ -77,7 +79,7 @@ def fitted(
     seen = beams_at(places, found, positions)
     sunlit = np.zeros(len(places), bool) if found is None else sun.lit(places, seen[:, 0], found.to_sun)
     beside = groups(places, firm, sunlit)
-    single = _steadied(Task(places, pairs, found, positions, seen, beside.sound))
+    single = _steadied(Task(places, pairs, found, positions, seen, beside.sound, ground=TUNING.fit_ground))
     together = replace(
         places,
         color=beside.mean(places.even),
@@ -86,8 +88,18 @@ def fitted(
         named=beside.mean(places.named),
     )
     # the nearest share most of their groups
-    grouped = Task(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, TUNING.robust_grouped)
-    means = _steadied(grouped)
+    means = _steadied(
+        Task(
+            together,
+            pairs.farther(),
+            found,
+            positions,
+            beside.mean(seen),
+            beside.sound,
+            TUNING.robust_grouped,
+            TUNING.fit_ground,
+        )
+    )
     return replace(single, light=single.light.mixed(means.light, TUNING.grouped))
 
 
@@ -123,7 +135,8 @@ def descended(task: Task, start: tuple[float, float] | None = None, steady: floa
     sunlight = None if task.sun is None else sun.sunlight(places, task.pairs, task.seen[:, 0], task.sun.to_sun)
     # one that is surely there may fade away on either way down; of others, the strict way tells right ones from wrong
     starts = (0, TUNING.fit_steps // 2) if sunlight is not None and task.sun and task.sun.sure else (0,)
-    ground = ground_under(None if task.sun is None else task.sun.to_sun, shape, task.seen.shape[1])
+    to_sun = None if task.sun is None else task.sun.to_sun
+    ground = task.ground * ground_under(to_sun, shape, task.seen.shape[1])
     most = math.inf if task.sun is None else sun.most(places, task.seen[:, 0], task.sun.to_sun)
     ways = [fit.Weighing(task.firm, task.robust, steady, ground, most, sunlight, start) for start in starts]
     asked = (places.color, places.open * shape, places.met, task.seen, task.pairs, sky, beams)

@@ -51,8 +51,7 @@ class Task:
     seen: F64  # (N, K) what the sun, lights that are known and lamps bring
     firm: NDArray[np.bool_]  # (N,) places that count
     robust: float = TUNING.fit_robust
-    # the highest albedo of ground outside; where suns are searched it may stand for what a proxy gets wrong
-    ground: float = 1.0
+    ground: float = 1.0  # highest albedo outside; where suns are searched it may stand for what a proxy gets wrong
 
 
 def firm_places(places: Places, found: Sun | None) -> NDArray[np.bool_]:
@@ -79,7 +78,9 @@ def fitted(
     seen = beams_at(places, found, positions)
     sunlit = np.zeros(len(places), bool) if found is None else sun.lit(places, seen[:, 0], found.to_sun)
     beside = groups(places, firm, sunlit)
-    single = _steadied(Task(places, pairs, found, positions, seen, beside.sound, ground=TUNING.fit_ground))
+    # through windows the sun is too weak, as its patches show white, and would make ground out there too dark
+    ground = TUNING.fit_ground if 1 - places.blocked > TUNING.doubt_open else 1.0
+    single = _steadied(Task(places, pairs, found, positions, seen, beside.sound, ground=ground))
     together = replace(
         places,
         color=beside.mean(places.even),
@@ -88,18 +89,8 @@ def fitted(
         named=beside.mean(places.named),
     )
     # the nearest share most of their groups
-    means = _steadied(
-        Task(
-            together,
-            pairs.farther(),
-            found,
-            positions,
-            beside.mean(seen),
-            beside.sound,
-            TUNING.robust_grouped,
-            TUNING.fit_ground,
-        )
-    )
+    grouped = Task(together, pairs.farther(), found, positions, beside.mean(seen), beside.sound, ground=ground)
+    means = _steadied(replace(grouped, robust=TUNING.robust_grouped))
     return replace(single, light=single.light.mixed(means.light, TUNING.grouped))
 
 

@@ -81,8 +81,8 @@ class Tuning:
     # times the sun that is found: ground outside may reflect so much, as what a proxy gets wrong makes the sun too
     # weak. With 1 that of a toy yard, behind bars that its proxy lacks, had 0.4 of its strength
     fit_ground_sun: float = 2.0
-    # albedo of ground outside, the highest, of the light that is found. With 1 it was as bright as the sky under a
-    # street, a park and a plinth, which lit things that are put there from below; with 0.25 light comes out alike
+    # albedo of ground outside, the highest, of the light that is found in the open. With 1 it was as bright as the sky
+    # under a street, a park and a plinth, which lit things that are put there from below; 0.25 gives the same light
     fit_ground: float = 0.35
     fit_floor: float = 0.005  # of the mean irradiance, added: nothing is black
     fit_steps: int = 150  # of the descent

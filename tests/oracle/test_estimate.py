@@ -352,6 +352,19 @@ def test_few_places_that_see_below_the_horizon_make_no_lamp_of_the_ground() -> N
     assert abs(bounded.beams.mean() / beam_of_yard().mean() - 1) < 0.1
 
 
+@pytest.mark.parametrize("open_", [True, False])
+def test_ground_is_no_second_sky_in_the_open(open_: bool) -> None:
+    """Some places look lit from below, by as much as comes down; through windows such light may come from anything."""
+    places, pairs, one, _, _ = known_yard()
+    below = np.isin(RING_OF, np.arange(ABOVE, len(RINGS)))
+    rim = np.random.default_rng(5).uniform(0, 1, len(places)) < 0.3
+    seen = np.where(below, rim[:, None] * 0.3 / below.sum(), places.open)
+    places = replace(places, open=seen if open_ else 0.1 * seen, color=np.where(rim[:, None], 4, 1) * places.color)
+    found = descent.fitted(places, pairs, one).light
+    most = (ground_under(one.to_sun, np.ones(PATCHES), 1) @ np.concatenate([found.sky, found.beams])).mean()
+    assert (found.sky[below].mean() < 1.2 * TUNING.fit_ground * most) == open_
+
+
 def test_pictures_of_any_balance_have_sunlight_of_its_colour() -> None:
     """Nothing but what is usual tells the colour of all light as a whole; sky against sun is told by the pictures."""
     rng = np.random.default_rng(2)

@@ -71,7 +71,7 @@ class SceneWithObjects(Prepared):
     def _mirrored(self) -> Detail | None:
         """What smooth objects show of the capture; None where there are none, or the proxy has colours of its own."""
         from mirelight.lighting import detail, lattices
-        from mirelight.proxy.capture_views import are_discs
+        from mirelight.proxy.capture import are_discs
 
         job, proxy = self.job, self._bare.proxy
         placed = zip(self.objects, self.placed.boxes, strict=True)

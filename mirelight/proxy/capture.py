@@ -29,7 +29,7 @@ class Capture:
     half: F64  # (3,) half the extent of the box around the origin that holds their centres
     radius: float  # of the ball around the origin that holds their centres
     spacing: float  # median distance between neighbours, world units
-    surfels: bool  # thin discs rather than needles and blobs
+    surfels: bool  # thin discs that lie on a surface, rather than needles, blobs and discs that lie about it
 
 
 def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
@@ -46,10 +46,7 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     means = kept.means.astype(np.float64) - middle
     radius = float(np.linalg.norm(means, axis=1).max())
     kept = replace(kept, means=means.astype(np.float32))
-    shape = np.sort(kept.scales[:: max(len(kept) // TUNING.capture_sample, 1)], axis=1)
-    surfels = bool(
-        np.quantile(shape[:, 0] / np.maximum(shape[:, 1], 1e-30), TUNING.capture_alike) < TUNING.capture_surfel
-    )
+    surfels = are_discs(kept)
     if len(kept) > TUNING.capture_most_splats:
         kept = joined(kept, TUNING.capture_most_splats)
     means = kept.means.astype(np.float64)
@@ -59,6 +56,29 @@ def look_at_capture(splats: SplatCloud, source: str | Path) -> Capture:
     if np.median(np.sort(kept.scales, axis=1)[:, 1]) < TUNING.capture_points * spacing:
         raise InputError(source, "no surface: its splats are points, with nothing between them", "check their scales")
     return Capture(kept, middle, half, radius, spacing, surfels)
+
+
+def are_discs(splats: SplatCloud) -> bool:
+    """Whether splats are thin discs that lie in each other's planes, each with the surface's own colour.
+
+    Optimisers that flatten splats (2DGS, PGSR) leave discs about a surface, at all heights and angles: what they look
+    like together is right, and no single disc is.
+    """
+    from scipy.spatial import cKDTree
+
+    solid = np.flatnonzero(splats.opacities >= SOLID)
+    some = take(splats, solid[:: max(len(solid) // TUNING.capture_sample, 1)])
+    if not len(some):
+        return True
+    axes, scales = axes_of(some)
+    if not np.quantile(scales[:, 0] / np.maximum(scales[:, 1], 1e-30), TUNING.capture_alike) < TUNING.capture_surfel:
+        return False
+    means, at = splats.means[solid].astype(np.float64), some.means.astype(np.float64)
+    _, near = cKDTree(means).query(at, k=min(7, len(means)), workers=-1)
+    way = means[near.reshape(len(at), -1)[:, 1:]] - at[:, None]
+    off = np.abs(np.einsum("nk,njk->nj", axes[:, :, 0], way))
+    away = np.linalg.norm(way, axis=2)
+    return not np.median(off[away > 0] / away[away > 0] if (away > 0).any() else [0.0]) > TUNING.capture_aslant
 
 
 def solid_part(splats: SplatCloud, source: str | Path) -> tuple[Int, F64, F64]:

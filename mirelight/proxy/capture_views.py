@@ -18,17 +18,10 @@ from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.compositor import Compositor
 from mirelight.io.cameras.pictures import MOST_VIEWS, view_size
 from mirelight.model import F32, F64, Camera, Deferred, SplatCloud, SplatLayer, Variant
-from mirelight.model.scene import SOLID
+from mirelight.proxy.capture import are_discs
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
-
-
-def are_discs(splats: SplatCloud) -> bool:
-    """Whether splats lie on the surface as thin discs, each with the surface's own colour."""
-    solid = np.flatnonzero(splats.opacities >= SOLID)
-    shape = np.sort(splats.scales[solid[:: max(len(solid) // TUNING.picture_sample, 1)]].astype(np.float64), axis=1)
-    return bool(np.median(shape[:, 0] / np.maximum(shape[:, 1], 1e-30)) < TUNING.capture_surfel) if len(shape) else True
 
 
 def capture_views(

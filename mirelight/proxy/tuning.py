@@ -263,10 +263,22 @@ class Tuning:
     upright_things: float = 0.01  # of the surface: things by which floor and ceiling are told apart
     upright_rounds: int = 8  # times that it is levelled
 
+    # whether splats were made of one picture (`one_picture`)
+    taker_fewest: int = 20_000  # fewer are no pixels
+    taker_before: float = 0.995  # of the splats, that lie before the origin
+    taker_stray: float = 0.002  # of them at either end, that may lie past the picture's rim
+    taker_widest: float = 6.0  # tangents across the picture: 143 degrees
+    taker_cells: int = 16  # of the picture, along each side
+    taker_most: int = 2000  # pixels along its longer side
+    taker_even: float = 0.3  # deviation of how many lie in a cell, by their mean: pixels 0.01
+
     # what a capture is (`capture`)
     capture_surfel: float = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)
     # of the splats, that are as thin as that: real captures have medians of 0.04 to 0.3, three quarters 0.2
     capture_alike: float = 0.75
+    # sine between a disc and the way to its neighbours, above which they lie about a surface: where discs are given
+    # 0.00 to 0.12, where an optimiser flattened splats 0.4
+    capture_aslant: float = 0.2
     capture_points: float = 1e-4  # of the spacing: splats that are smaller leave no surface between them
     capture_flat: float = 0.5  # smallest over middle axis, below which a splat has a normal of its own
     capture_stray: float = 0.002  # of the splats at either end of an axis, that may be strays
@@ -276,7 +288,6 @@ class Tuning:
     capture_sample: int = 20_000  # splats whose neighbours tell the density
 
     # pictures of a capture (`capture_views`)
-    picture_sample: int = 20_000  # splats that tell their kind
     picture_opaque: float = 0.9  # alpha of pixels by which a picture's exposure is told
     # quantile of the light from which it is: what is dark shows in composites what lies beside it
     picture_bright: float = 0.7

@@ -88,8 +88,16 @@ class _Plan:
     whole: bool = False
     shooting: Shooting | None = None  # of the pictures that splats are trained on; None: discs on the true surface
 
+    @property
+    def splats(self) -> str:
+        """Name of the splats but for their colours."""
+        if self.shooting is None:
+            return self.cloud
+        return f"{self.cloud}.{'trained' if self.shooting.trainer == 'grown' else self.shooting.trainer}"
+
 
 _LONGER = Shooting(sky=True, iterations=1600, most=60_000)  # of what has much in it
+OTHER_TRAINERS: tuple[tuple[str, training.Trainer], ...] = (("moved splats", "moved"), ("flat splats", "flat"))
 
 PLANS = (
     _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
@@ -125,6 +133,17 @@ PLANS = (
     ),
     _Plan(
         "plinth", "plinth", "plinth, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
+    ),
+    *(
+        _Plan(
+            "plinth",
+            "plinth",
+            f"plinth, {called}",
+            "clear day",
+            ("low sun", "clouds", "lamp"),
+            shooting=Shooting(sky=True, trainer=trainer),
+        )
+        for called, trainer in OTHER_TRAINERS
     ),
     _Plan(
         "glazed", "glazed", "glazed, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
@@ -227,7 +246,7 @@ class _Scene:
         new = plan.new[: self._size.most]
         return Captured(
             name=plan.name,
-            cloud=plan.cloud if plan.shooting is None else f"{plan.cloud}.trained",
+            cloud=plan.splats,
             whole=plan.whole,
             camera=self._camera,
             orbit=self.recipe.orbit if plan.shooting is None else training.known(self.recipe.orbit, plan.shooting),
@@ -315,8 +334,7 @@ class _Scene:
             truth = Truth(self.looks, self._lightings[lighting])
             return training.trained(truth, pictures, self.recipe.orbit, how)
 
-        name = f"{self._plan.cloud}.trained.{lighting}"
-        return training.cloud_of(self._store.array(name, "trained splats", make))
+        return training.cloud_of(self._store.array(f"{self._plan.splats}.{lighting}", "trained splats", make))
 
     def _coloured(self, splats: SplatCloud, lighting: str) -> SplatCloud:
         """The splats with the colours that they have under a lighting, by path tracing from each."""

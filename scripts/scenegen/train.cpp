@@ -2,7 +2,12 @@
 // Real-Time Radiance Field Rendering") describe it: projected Gaussians blended front to back, a loss of 0.8 L1 and
 // 0.2 D-SSIM, Adam, clones, splits, pruning and opacity resets. scenegen/training.py compiles and runs it:
 //
-//     train DATA RESULT ITERATIONS MOST_SPLATS [DEGREE START]
+//     train DATA RESULT ITERATIONS MOST_SPLATS grown|moved|flat [DEGREE START]
+//
+// moved: as Kheradmand and others 2024 ("3D Gaussian Splatting as Markov Chain Monte Carlo") do it: splats that have
+// become faint move to where others are opaque, few are added at a time, all are shaken, and opacity and width cost.
+// flat: grown, but each has no width along its third axis and begins turned at random, as those of Huang and others 2024
+// ("2D Gaussian Splatting"); what these add to the loss to straighten them is left out.
 //
 // START: rows of splats that are good already, as RESULT has them. Training goes on from there with harmonics of at most
 // DEGREE: places move a tenth as fast, and opacities are not reset.
@@ -33,6 +38,10 @@ constexpr float RESET = 0.01f, LEAST_OPACITY = 0.005f;
 constexpr float GOING_ON = 0.1f;  // how fast places move that are good already
 constexpr float WANTED = 2e-4f;  // mean gradient of a place, in half pictures, above which a splat is not enough
 constexpr float SMALL = 0.01f, LARGE = 0.1f;  // of the cameras' extent: cloned below, pruned above
+constexpr float MORE = 0.05f;  // of the splats are added at a time, where they are moved
+constexpr float COST = 0.01f;  // of opacity, and of a deviation by the cameras' extent, as a share of the loss
+constexpr float SHAKE = 5e5f, SHAKEN = 100, UNSHAKEN = 0.995f;  // by rate of places; how sharply the opaque stay
+constexpr float FLAT = 1e-6f;  // of the cameras' extent: a width that is none
 constexpr float HARMONIC = 0.28209479177387814f;
 
 struct Camera {
@@ -62,7 +71,7 @@ struct Shape {  // what the way from parameters to a print has on it
 static int width, height, tiles_x, tiles_y;
 static float extent;
 static int highest = 3;  // degree of the harmonics
-static bool going_on = false;
+static bool going_on = false, moved = false, flat = false;
 static Floats rows, gradients, momenta, variances;
 static std::vector<float> place_gradients;
 static std::vector<int> place_counts;
@@ -461,12 +470,17 @@ static double loss(const View& v, Picture& picture, Floats& by_pixel) {
     return 0.8 * l1 * share + 0.2 * (1 - similar * share);
 }
 
+static float place_rate(float done) {
+    return (going_on ? GOING_ON : 1) * extent * std::exp(std::log(2.4e-4f) * (1 - done) + std::log(2.4e-6f) * done);
+}
+
 static void step(int iteration, float done) {
     float rates[ROW];
-    const float place = (going_on ? GOING_ON : 1) * extent * std::exp(std::log(2.4e-4f) * (1 - done) + std::log(2.4e-6f) * done);
+    const float place = place_rate(done);
     std::fill(rates + POSITION, rates + SCALE, place), std::fill(rates + SCALE, rates + TURN, 7.5e-3f);
     std::fill(rates + TURN, rates + OPACITY, 1.5e-3f), rates[OPACITY] = 0.05f;
     std::fill(rates + COLOUR, rates + COLOUR + 3, 3.75e-3f), std::fill(rates + COLOUR + 3, rates + ROW, 1.9e-4f);
+    if (flat) rates[SCALE + 2] = 0;
     const float first = 1 - std::pow(0.9f, iteration), second = 1 - std::pow(0.999f, iteration);
 #pragma omp parallel for schedule(static)
     for (int i = 0; i < count(); i++)
@@ -477,6 +491,81 @@ static void step(int iteration, float done) {
             variances[at] = 0.999f * variances[at] + 0.001f * g * g;
             rows[at] -= rates[k] / first * momenta[at] / (std::sqrt(variances[at] / second) + 1e-15f);
         }
+}
+
+// Opacity and width cost; the mean over all splats, as of the loss.
+static void cost() {
+    const float share = COST / count();
+#pragma omp parallel for schedule(static)
+    for (int i = 0; i < count(); i++) {
+        float *row = &rows[size_t(i) * ROW], *by = &gradients[size_t(i) * ROW];
+        const float opacity = sigmoid(row[OPACITY]);
+        by[OPACITY] += share * opacity * (1 - opacity);
+        for (int k = 0; k < 3; k++) by[SCALE + k] += share / 3 * std::exp(row[SCALE + k]) / extent;
+    }
+}
+
+// Places walk by their own shape, squared as in the paper; the opaque ones hardly.
+static void shake(float done, std::mt19937& random) {
+    std::normal_distribution<float> normal;
+    const float wide = SHAKE * place_rate(done) / (extent * extent);  // that world is as large as one unit
+    for (int i = 0; i < count(); i++) {
+        float *row = &rows[size_t(i) * ROW], q[4], length, turn[9], away[3], along[3] = {};
+        unit_turn(row + TURN, q, length), rotation(q, turn);
+        const float still = 1 / (1 + std::exp(-SHAKEN * (1 - sigmoid(row[OPACITY]) - UNSHAKEN)));
+        for (float& x : away) x = normal(random);
+        for (int k = 0; k < 3; k++) {
+            for (int r = 0; r < 3; r++) along[k] += turn[3 * r + k] * away[r];
+            along[k] *= std::exp(2 * row[SCALE + k]) * still * wide;
+        }
+        for (int r = 0; r < 3; r++)
+            for (int k = 0; k < 3; k++) row[POSITION + r] += turn[3 * r + k] * along[k];
+    }
+}
+
+// A splat's opacity and width where so many lie in its place and look as it did (equation 9 of the paper).
+static void share_out(float* row, int many) {
+    const double before = sigmoid(row[OPACITY]), now = 1 - std::pow(1 - before, 1.0 / many);
+    double sum = 0;
+    for (int i = 1; i <= many; i++) {
+        double choose = 1;
+        for (int k = 0; k < i; k++) {
+            sum += choose * (k % 2 ? -1 : 1) * std::pow(now, k + 1) / std::sqrt(k + 1.0);
+            choose *= double(i - 1 - k) / (k + 1);
+        }
+    }
+    row[OPACITY] = logit(std::clamp(float(now), LEAST_OPACITY, 1 - 1e-6f));
+    for (int k = 0; k < 3; k++) row[SCALE + k] += std::log(float(before / sum));
+}
+
+// The faint move to where others are opaque, and a few more come.
+static void relocate(int most, std::mt19937& random) {
+    constexpr int TOGETHER = 50;  // beyond, the sum of `share_out` is all rounding
+    const int n = count();
+    std::vector<int> faint;
+    std::vector<double> opacity(n);
+    for (int i = 0; i < n; i++) {
+        opacity[i] = sigmoid(rows[size_t(i) * ROW + OPACITY]);
+        if (opacity[i] <= LEAST_OPACITY) faint.push_back(i), opacity[i] = 0;
+    }
+    const int more = std::clamp(most - n, 0, int(MORE * n));
+    for (int k = 0; k < more; k++) faint.push_back(n + k);
+    for (Floats* all : {&rows, &momenta, &variances}) all->resize(size_t(n + more) * ROW, 0.f);
+    gradients.assign(rows.size(), 0.f), place_gradients.assign(count(), 0.f), place_counts.assign(count(), 0);
+    std::discrete_distribution<int> draw(opacity.begin(), opacity.end());
+    std::vector<int> to(faint.size()), together(n, 1);
+    for (int& i : to) {
+        do i = draw(random);
+        while (together[i] == TOGETHER);
+        together[i]++;
+    }
+    for (int i = 0; i < n; i++)
+        if (together[i] > 1) share_out(&rows[size_t(i) * ROW], together[i]);
+    for (size_t k = 0; k < to.size(); k++) {
+        std::copy_n(&rows[size_t(to[k]) * ROW], ROW, &rows[size_t(faint[k]) * ROW]);
+        for (Floats* all : {&momenta, &variances})
+            for (int i : {to[k], faint[k]}) std::fill_n(&(*all)[size_t(i) * ROW], ROW, 0.f);
+    }
 }
 
 static float largest(int i) { return std::exp(*std::max_element(&rows[size_t(i) * ROW + SCALE], &rows[size_t(i) * ROW + TURN])); }
@@ -563,6 +652,8 @@ static std::vector<Picture> load(const char* path) {
         read(&picture.camera, sizeof(Camera) / 4, file), read(picture.pixels.data(), picture.pixels.size(), file);
     }
     rows.assign(size_t(sizes[3]) * ROW, 0.f);
+    std::mt19937 random(3);
+    std::normal_distribution<float> normal;
     for (int i = 0; i < sizes[3]; i++) {
         float point[7], *row = &rows[size_t(i) * ROW];
         read(point, 7, file);
@@ -570,7 +661,11 @@ static std::vector<Picture> load(const char* path) {
             row[POSITION + k] = point[k], row[SCALE + k] = std::log(point[3]);
             row[COLOUR + k] = (point[4 + k] - 0.5f) / HARMONIC;
         }
-        row[TURN] = 1, row[OPACITY] = logit(0.1f);
+        row[TURN] = 1, row[OPACITY] = logit(moved ? 0.5f : 0.1f);
+        if (flat) {
+            for (int k = 0; k < 4; k++) row[TURN + k] = normal(random);
+            row[SCALE + 2] = std::log(FLAT * extent);
+        }
     }
     std::fclose(file);
     momenta.assign(rows.size(), 0.f), variances = momenta, gradients = momenta;
@@ -610,16 +705,21 @@ static void train(std::vector<Picture>& pictures, int iterations, int most) {
         smooth = i == 1 ? now : 0.98 * smooth + 0.02 * now;
         unblend(view, by_pixel, by_pair);
         gather(view, picture.camera, degree, by_pair);
+        if (moved) cost();
         step(i, float(i) / iterations);
-        if (i % 100 == 0 && i >= iterations / 10 && i < grown) densify(most, i > reset, random);
-        if (i % reset == 0 && i < grown && !going_on) reset_opacities();
+        if (moved) {
+            shake(float(i) / iterations, random);
+            if (i % 50 == 0 && i >= iterations / 20 && i < iterations * 85 / 100) relocate(most, random);
+        } else if (i % 100 == 0 && i >= iterations / 10 && i < grown) densify(most, i > reset, random);
+        if (i % reset == 0 && i < grown && !going_on && !moved) reset_opacities();
         if (i % 100 == 0) std::printf("%d %.4f %d\n", i, smooth, count()), std::fflush(stdout);
     }
 }
 
 int main(int given, char** arguments) {
+    moved = std::strcmp(arguments[5], "moved") == 0, flat = std::strcmp(arguments[5], "flat") == 0;
     std::vector<Picture> pictures = load(arguments[1]);
-    if (given > 6) highest = std::atoi(arguments[5]), go_on_from(arguments[6]);
+    if (given > 7) highest = std::atoi(arguments[6]), go_on_from(arguments[7]);
     train(pictures, std::atoi(arguments[3]), std::atoi(arguments[4]));
     std::vector<char> wanted(count());
     for (int i = 0; i < count(); i++) {

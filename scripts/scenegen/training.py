@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,9 @@ LOOKED_FROM = (60, 40)  # pixels of the pictures in which start points are found
 CLEAREST = 0.985  # opacity that training goes on from: nearer to 1 it no longer moves
 NEIGHBOURS = 3  # whose mean distance a start point's size is
 
+# cloned, split and pruned (3DGS); moved to where more are needed (MCMC); grown as discs without a width (2DGS)
+Trainer = Literal["grown", "moved", "flat"]
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
@@ -44,6 +48,7 @@ class Shooting:
     iterations: int = 1100
     most: int = 45_000  # splats
     points: int = 30_000  # that training starts from
+    trainer: Trainer = "grown"
 
 
 def exposed(lighting: Lighting, stops: float) -> Lighting:
@@ -212,7 +217,7 @@ def _run(
                 out.write(_packed(camera).tobytes())
                 out.write(np.ascontiguousarray(picture.transpose(2, 0, 1), "<f4").tobytes())
             out.write(points.astype("<f4").tobytes())
-        limits = [str(how.iterations), str(how.most)]
+        limits = [str(how.iterations), str(how.most), how.trainer]
         if start is not None:
             begun = Path(folder) / "start"
             start.tofile(begun)

@@ -73,6 +73,19 @@ def test_flat_splats_are_discs_where_hardly_any_is_thick(thick: float, discs: bo
     assert look_at_capture(replace(cloud, scales=scales), "ball").surfels == discs
 
 
+@pytest.mark.parametrize("unlike", ["turned", "at all heights"])
+def test_flat_splats_about_a_surface_are_no_discs(unlike: str) -> None:
+    cloud, rng = ball(thin=0.01), np.random.default_rng(0)
+    if unlike == "turned":  # as optimisers that flatten splats leave them (2DGS)
+        turned = rng.normal(size=cloud.quats.shape)
+        cloud = replace(cloud, quats=(turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32))
+    else:
+        spacing = look_at_capture(cloud, "ball").spacing
+        heights = rng.normal(size=(len(cloud), 1)) * spacing
+        cloud = replace(cloud, means=(cloud.means * (1 + heights)).astype(np.float32))
+    assert not look_at_capture(cloud, "ball").surfels
+
+
 def test_the_side_of_a_pixel_where_points_lie() -> None:
     camera = Camera.look_at((0, 0, 5), (0, 0, 0), 100, 50, yfov=60)
     there = np.array([[0, 0, 0], [0.5, 0, 0], [0, 0, 9], [50, 0, 0]], np.float32)  # one behind it, one beside it

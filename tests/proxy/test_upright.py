@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from mirelight.apps.first_job import up
 from mirelight.base import conventions
 from mirelight.io import splats
-from mirelight.model import F64
+from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy import ProxySettings
 from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.upright import Seen, Upright, seen_surface, upright
@@ -102,18 +103,32 @@ def test_of_alike_sides_the_one_along_which_cameras_are_as_high_is_up_or_the_hab
         assert off(usual, turn) < 0.5
 
 
-@pytest.mark.parametrize("turn", [(0, 0, 0), (20, 30, 40), (160, 10, -30)])
-def test_splats_on_a_floor_are_brought_upright(turn: tuple[float, float, float]) -> None:
+def thing_on_a_floor() -> SplatCloud:
     """Blobs, which the floor among discs is not asked of."""
     floor, up_there = square(5.0, 0.1, 1, 0.0)
     thing = sphere_points(1500)
     points = np.concatenate([floor, 0.8 * thing + np.array([0, 0.8, 0])])
-    cloud = on_surface(points, np.concatenate([up_there, thing]), 0.05, thin=0.3)
+    return on_surface(points, np.concatenate([up_there, thing]), 0.05, thin=0.3)
+
+
+@pytest.mark.parametrize("turn", [(0, 0, 0), (20, 30, 40), (160, 10, -30)])
+def test_splats_on_a_floor_are_brought_upright(turn: tuple[float, float, float]) -> None:
     m = np.eye(4)
     m[:3, :3] = conventions.rotation_from_euler(turn)
-    found = up.find(splats.transform(cloud, m), Path("a.ply"))
+    found = up.find(splats.transform(thing_on_a_floor(), m), Path("a.ply"))
     assert not found.guessed and "surface" in found.why
     assert found.way @ m[:3, 1] > np.cos(np.radians(1.0))
+
+
+def test_splats_of_one_picture_are_not_rolled() -> None:
+    level = Camera.look_at((0, 2, 5), (0, 0.5, 0), 160, 90, yfov=60)
+    roll = np.eye(4)
+    roll[:3, :3] = conventions.rotation_from_euler((0, 0, 6))
+    camera = replace(level, world_from_camera=level.world_from_camera @ roll)
+    found = up.find(thing_on_a_floor(), Path("photo.ply"), (camera,))
+    right, own_up = camera.world_from_camera[:3, 0], camera.world_from_camera[:3, 1]
+    assert found.way @ right == pytest.approx(0, abs=1e-9)
+    assert found.way @ own_up == pytest.approx(level.world_from_camera[1, 1], abs=0.01)  # it looks as far down
 
 
 def test_a_ball_of_splats_tells_nothing() -> None:

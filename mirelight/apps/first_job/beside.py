@@ -123,10 +123,12 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
 
 
 def cameras(capture: Path) -> tuple[Cameras | None, Misfit | None]:
-    """The capture's cameras beside it, and else the first file of cameras that cannot be used."""
-    from mirelight.io.cameras import open_file
+    """The capture's cameras, in its own file or beside it, and else the first file of them that cannot be used."""
+    from mirelight.io.cameras import one_picture, open_file
 
     misfit: Misfit | None = None
+    if one_picture.is_of(capture):
+        return Cameras(capture, open_file(capture).read()), None
     for name in _CAMERAS:
         path = capture.parent / name
         if path.exists():

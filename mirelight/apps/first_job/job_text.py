@@ -20,6 +20,7 @@ from mirelight.estimate.tuning import TUNING
 from mirelight.model import Camera, SplatCloud
 from mirelight.pipeline.guesses import guessed_of_file
 from mirelight.proxy import views
+from mirelight.proxy.one_picture import taker
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
@@ -79,7 +80,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     cameras, unread = beside.cameras(capture)
     own_guess = cache(partial(_guessed, capture, progress))
     progress("looking at the splats", 0.1)
-    taken = () if cameras is None else cameras.placed(np.eye(3))
+    taken = _taken(cameras, cloud)
     found = up.find(cloud, capture, taken, own_guess) if wish.up is None else up.said(wish.up)
     turn = conventions.rotation_from_euler(found.euler)
     m = conventions.compose(rotation=turn)
@@ -93,7 +94,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     def guess() -> list[Camera]:
         return [views.placed(x, m) for x in own_guess()]
 
-    placed = () if looking is None else looking.placed(turn)
+    placed = [views.placed(x, m) for x in taken] if cameras is None or looking is not None else []
     seen = view.best(world, str(capture), placed, guess=guess, outside=outside, progress=part(progress, 0.3, 0.8))
     known = None if proxy is None else captured.find(world, proxy, looking, turn, guess)
     named = Names(folder)
@@ -125,6 +126,14 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     ]
     notes = (*(str(x) for x in (misfit, unread, *dark) if x is not None), *(x.said for x in meshes if x.said))
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, notes)
+
+
+def _taken(cameras: beside.Cameras | None, cloud: SplatCloud) -> tuple[Camera, ...]:
+    """Cameras that are known, or that of the one picture that splats were made of, in their axes."""
+    if cameras is not None:
+        return cameras.placed(np.eye(3))
+    picture = taker(cloud)
+    return () if picture is None else (picture,)
 
 
 def _guessed(capture: Path, progress: ShareProgress) -> tuple[Camera, ...]:

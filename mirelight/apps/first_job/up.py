@@ -18,8 +18,7 @@ from mirelight.base.errors import InputError
 from mirelight.io.suffixes import SCENES
 from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy import ProxySettings
-from mirelight.proxy.capture import look_at_capture
-from mirelight.proxy.capture_views import are_discs
+from mirelight.proxy.capture import are_discs, look_at_capture
 from mirelight.proxy.guessed import Guess
 from mirelight.proxy.upright import seen_surface, upright
 from mirelight.proxy.views import moved
@@ -33,6 +32,7 @@ _WALL = 0.2  # cosine between up and what is a wall at the most
 _LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which they are told apart
 _RIVAL = 0.7  # of the floor's share: a wall as large may be the floor (the courtyard's largest has 0.6)
 _AGREE = np.cos(np.radians(20.0))  # cameras and floor that tell ways farther apart do not agree
+_HELD = np.cos(np.radians(45.0))  # people hold a camera no steeper
 _BOTH_ALIKE = "floor and ceiling look alike"
 _LOOKS_DOWN = 0.1  # mean cosine between guessed views and an axis that tells which way is up along it
 _LAYER = 1 / 50  # of the extent: how thick a floor is
@@ -88,6 +88,8 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: G
         if shown is not None and not shown.guessed and float(shown.way @ taken) < _AGREE:
             return Up(_neat(taken), f"a guess {why}: the floor tells another", True)
         return Up(_neat(taken), why, False)
+    if len(cameras) == 1:
+        return _of_picture(shown, cameras[0])
     if shown is not None:
         return shown
     ahead = -np.mean([x.world_from_camera[:3, 2] @ habit for x in (guess() if guess else ())] or [0.0])
@@ -95,6 +97,16 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: G
         way = habit if ahead < 0 else -habit
         return Up(way, "a guess: there is no floor, and most guessed views of it look down", True)
     return Up(habit, f"a guess: there is no floor, and {_usual(stage)}", True)
+
+
+def _of_picture(shown: Up | None, camera: Camera) -> Up:
+    """As the surface tells it, but for how it leans to a side: people hold a camera level, and a sky, which splats of
+    one picture have as a wall across it, leans any way. What is far from how it was held is no floor, but a wall."""
+    right, own = camera.world_from_camera[:3, 0], camera.world_from_camera[:3, 1]
+    level = own if shown is None else shown.way - (shown.way @ right) * right
+    if shown is None or level @ own < _HELD:
+        return Up(_neat(own), "a guess: as its one picture was held", True)
+    return replace(shown, way=_neat(conventions.unit(level)))
 
 
 def _usual(stage: bool) -> str:

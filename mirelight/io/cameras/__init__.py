@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mirelight.base.errors import InputError
-from mirelight.io.cameras import camera_path, colmap, inria, phones, reading, supersplat, table, transforms
+from mirelight.io.cameras import camera_path, colmap, inria, one_picture, phones, reading, supersplat, table, transforms
 from mirelight.io.cameras.placed import STRAIGHT, Angle, Distortion, FileCamera, Intrinsics
 from mirelight.io.cameras.transforms import DATAPARSER, Axes
 from mirelight.io.safety import existing, open_binary
@@ -38,10 +38,14 @@ Kind = Literal[
     "Polycam",
     "Record3D",
     "CSV",
+    "SHARP",
 ]
 World = Literal["capture", "nerfstudio"]
 
-_READABLE = "read are glTF, COLMAP, cameras.json, transforms.json, .ssproj, camera_path.json, Polycam, Record3D and CSV"
+_READABLE = (
+    "read are glTF, COLMAP, cameras.json, transforms.json, .ssproj, camera_path.json, Polycam, Record3D, CSV "
+    "and the PLY of SHARP"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +99,8 @@ class CameraFile:
                 return phones.read_record3d(self.path, self.data)
             case "CSV":
                 return table.read(self.path, axes or "opengl")
+            case "SHARP":
+                return one_picture.read(self.path)
 
 
 def open_file(path: str | Path) -> CameraFile:
@@ -112,6 +118,8 @@ def open_file(path: str | Path) -> CameraFile:
         return _folder(path)
     with open_binary(path) as file:
         head = file.read(4096)
+    if head.startswith(b"ply"):
+        return CameraFile(path, "SHARP", (path,))
     if head.startswith(b"PK"):
         return CameraFile(path, "SuperSplat", (path,))
     if path.stem.lower() in ("cameras", "images", "points3d") and path.suffix.lower() in (".bin", ".txt"):

@@ -1,0 +1,78 @@
+"""Splats that a network set on the pixels of one picture are looked at from where it was taken."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mirelight.apps.first_job import Wish, job_for
+from mirelight.io import splats
+from mirelight.model import SplatCloud
+from mirelight.proxy.guessed import taken_from
+from mirelight.proxy.one_picture import taker
+from mirelight.proxy.types import ProxySettings
+
+from .clouds import ball
+
+WIDE, HIGH, FOCAL = 200, 120, 150.0  # pixels
+GLTF = np.diag([1.0, -1.0, -1.0, 1.0])  # to a world with Y up, looked at along -Z
+
+
+def of_one_picture() -> SplatCloud:
+    """A floor before a wall, 4 units off, in OpenCV's axes: a splat a pixel, and one behind it."""
+    u, v = np.meshgrid(np.arange(WIDE) + 0.5, np.arange(HIGH) + 0.5)
+    ray = np.stack([(u - WIDE / 2) / FOCAL, (v - HIGH / 2) / FOCAL, np.ones_like(u)], axis=-1)
+    depth = np.minimum(4.0, 1.2 / np.maximum(ray[..., 1], 1e-9))  # the floor lies 1.2 below the eye
+    means = np.concatenate([(ray * (k * depth)[..., None]).reshape(-1, 3) for k in (1.0, 1.01)])
+    n = len(means)
+    size = 0.6 * means[:, 2] / FOCAL
+    colour = 0.4 * np.sin(9 * means)  # something to look at
+    return SplatCloud(
+        means=means.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+        scales=np.repeat(size[:, None], 3, axis=1).astype(np.float32),
+        opacities=np.full(n, 0.95, np.float32),
+        sh=colour[:, None].astype(np.float32),
+    )
+
+
+@pytest.mark.parametrize("axes", [np.eye(4), GLTF])
+def test_its_camera_stands_at_the_origin_and_has_its_lens(axes: np.ndarray) -> None:
+    camera = taker(splats.transform(of_one_picture(), axes))
+    assert camera is not None
+    np.testing.assert_allclose(axes[:3, :3] @ GLTF[:3, :3], camera.world_from_camera[:3, :3], atol=1e-12)
+    np.testing.assert_array_equal(camera.position, 0)
+    assert camera.width == pytest.approx(WIDE, rel=0.02) and camera.height == pytest.approx(HIGH, rel=0.02)
+    assert camera.fx == pytest.approx(FOCAL, rel=0.02) and camera.fy == camera.fx
+    assert camera.cx == pytest.approx(WIDE / 2, rel=0.02) and camera.cy == pytest.approx(HIGH / 2, rel=0.02)
+
+
+def test_other_splats_were_not_made_of_one_picture() -> None:
+    cloud, rng = of_one_picture(), np.random.default_rng(0)
+    assert taker(ball(30_000)) is None
+    assert taker(replace(cloud, means=cloud.means + np.array([0.5, 0, -2], np.float32))) is None  # moved
+    assert (
+        taker(replace(cloud, means=cloud.means * np.float32([1, 1, -1]) * rng.choice([-1, 1], (len(cloud), 1)))) is None
+    )
+    dense = rng.choice(len(cloud), len(cloud), p=(w := np.exp(-4 * np.abs(cloud.means[:, 0]))) / w.sum())
+    assert taker(replace(cloud, means=cloud.means[dense])) is None  # as dense as detail, as trained splats are
+    assert taker(replace(cloud, means=np.full_like(cloud.means, 1))) is None
+
+
+def test_what_is_made_of_it_is_made_from_there() -> None:
+    (camera,) = taken_from(of_one_picture(), ProxySettings())
+    np.testing.assert_allclose(camera.position, 0, atol=1e-6)
+
+
+def test_a_first_job_shows_what_the_picture_showed(tmp_path: Path) -> None:
+    path = tmp_path / "photo.spz"
+    splats.write(of_one_picture(), path)
+    job = job_for(path, tmp_path, Wish()).text
+    assert "position = [0, 0, 0]" in job
+    assert "rotation_euler = [0, 0, 180]" in job  # most of what it shows is a wall, which is no floor
+    (yfov,) = re.findall(r"yfov = ([\d.]+)", job)
+    assert float(yfov) == pytest.approx(np.degrees(2 * np.arctan(WIDE / 2 / FOCAL * 9 / 16)), abs=0.5)

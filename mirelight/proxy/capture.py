@@ -11,6 +11,7 @@ from mirelight.base.errors import InputError
 from mirelight.model import F64, SplatCloud, shown
 from mirelight.model.scene import SOLID
 from mirelight.proxy.axes import axes_of
+from mirelight.proxy.dome import on_dome
 from mirelight.proxy.joining import joined
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
@@ -93,6 +94,8 @@ def solid_part(splats: SplatCloud, source: str | Path) -> tuple[Int, F64, F64]:
         sound = np.isfinite(splats.means).all(axis=1) & np.isfinite(splats.scales).all(axis=1)
         sound &= np.isfinite(splats.quats).all(axis=1) & (np.linalg.norm(splats.quats, axis=1) > 0)
     solid = np.flatnonzero(sound & (splats.opacities >= SOLID) & (np.sort(splats.scales, axis=1)[:, 1] > 0))
+    if len(solid) >= FEWEST:
+        solid = solid[~on_dome(splats.means[solid].astype(np.float64))]
     if len(solid) < FEWEST:
         found = f"{len(solid)} of {len(splats)} splats show (opacity {SOLID} and more), too few for a surface"
         raise InputError(source, found, "check the file; a capture that is all transparent has no proxy")

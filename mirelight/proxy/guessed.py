@@ -23,7 +23,7 @@ from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.clear import ClearSplats
 from mirelight.proxy.depth import DepthMaps
-from mirelight.proxy.one_picture import taker
+from mirelight.proxy.one_picture import takers
 from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
@@ -41,8 +41,8 @@ def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tu
         capture: what was seen in them.
         settings: of these the variant and its threads.
     """
-    if (picture := taker(splats)) is not None:
-        return (moved(picture, -capture.middle),)
+    if pictures := takers(splats):
+        return tuple(moved(picture, -capture.middle) for picture in pictures)
     if (colours := _by_colours(splats, capture)) and (cameras := _looking(colours, capture, settings)):
         return cameras
     return _clear(capture, settings)

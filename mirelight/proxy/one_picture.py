@@ -1,7 +1,7 @@
-"""Splats that a network made of one picture, told by how they lie: its pixels, before the origin of their file.
+"""Splats that a network made of one picture, told by how they lie: on its pixels' rays, from the origin of their file.
 
-Networks such as SHARP set a splat or two on each pixel's ray, as far off as they believe. Their camera stands at the
-origin; editors and converters keep the places, and lose what the file said of it.
+Networks such as SHARP set a splat or two on each pixel's ray, as far off as they believe; those that make worlds do so
+for a panorama. The eye is the origin; editors and converters keep the places, and lose what the file said of it.
 """
 
 from __future__ import annotations
@@ -9,33 +9,48 @@ from __future__ import annotations
 import numpy as np
 
 from mirelight.base import conventions
-from mirelight.model import Camera, SplatCloud
+from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.views import from_points
+
+_LAYERS = 2  # splats of a pixel: on what is seen, and behind it
 
 
-def taker(splats: SplatCloud) -> Camera | None:
-    """The camera of the one picture that splats were made of, in their space; None: they were not, or nothing tells.
+def takers(splats: SplatCloud) -> tuple[Camera, ...]:
+    """The camera of the picture that splats were made of, six of a panorama, in their space; none where splats were
+    made of more pictures, as nearly all are.
 
     Args:
-        splats: in the axes of their file, looked at along Z, or turned as a world with Y up.
+        splats: in the axes of their file, looked at along Z; or turned, as a world with Y up.
     """
-    x, y, z = splats.means.astype(np.float64).T
-    ahead = 1.0 if np.median(z) > 0 else -1.0
-    before = ahead * z > 0
-    if len(z) < TUNING.taker_fewest or before.mean() < TUNING.taker_before:
-        return None
-    across, down = (v[before] / (ahead * z[before]) for v in (x, ahead * y))
+    means = splats.means.astype(np.float64)
+    if len(means) < TUNING.taker_fewest:
+        return ()
+    ahead = 1.0 if np.median(means[:, 2]) > 0 else -1.0
+    before = ahead * means[:, 2] > 0
+    if before.mean() > TUNING.taker_before:
+        one = _picture(means[before], ahead)
+        return () if one is None else (one,)
+    if not _all_round(means):
+        return ()
+    size = np.sqrt(len(means) / _LAYERS / 6)
+    return tuple(from_points(np.zeros((1, 3)), int(min(size, TUNING.taker_most)), _near(means)))
+
+
+def _picture(means: F64, ahead: float) -> Camera | None:
+    """The camera whose pixels are as even as splats (N, 3) before the origin, along Z by the sign; None: no pixels."""
+    depth = ahead * means[:, 2]
+    across, down = means[:, 0] / depth, ahead * means[:, 1] / depth
     cut = [TUNING.taker_stray, 1 - TUNING.taker_stray]
     (left, right), (top, bottom) = np.quantile(across, cut), np.quantile(down, cut)
     wide, high = right - left, bottom - top
     if not (left < 0 < right and top < 0 < bottom and wide < TUNING.taker_widest and high < TUNING.taker_widest):
         return None
-    cells = TUNING.taker_cells
-    held, _, _ = np.histogram2d(across, down, bins=cells, range=[[left, right], [top, bottom]])
-    if held.std() > TUNING.taker_even * held.mean():
+    if not _even(across, down, (left, right), (top, bottom)):
         return None
-    # to a unit of the tangent: a pixel has two splats, on what is seen and behind it
-    pixels = min(np.sqrt(len(z) / 2 / (wide * high)), TUNING.taker_most / max(wide, high))
+    pixels = min(
+        np.sqrt(len(means) / _LAYERS / (wide * high)), TUNING.taker_most / max(wide, high)
+    )  # to a tangent of 1
     turned = np.diag([1.0, -ahead, -ahead])  # a camera looks along -Z with +Y up
     return Camera(
         world_from_camera=conventions.compose(rotation=turned),
@@ -45,6 +60,38 @@ def taker(splats: SplatCloud) -> Camera | None:
         fy=pixels,
         cx=-left * pixels,
         cy=-top * pixels,
-        near=1e-3 * float(np.median(np.abs(z))),
+        near=_near(means),
         name="picture",
     )
+
+
+def _all_round(means: F64) -> bool:
+    """Whether splats (N, 3) lie as the pixels of a panorama about the origin: of a cube's six sides, or of rows and
+    columns about Y."""
+    largest = np.argmax(np.abs(means), axis=1)
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            side = means[(largest == axis) & (sign * means[:, axis] > 0)]
+            one, two = (side[:, (axis + k) % 3] / np.abs(side[:, axis]) for k in (1, 2))
+            if not _even(one, two, (-1, 1), (-1, 1), len(means) / 6):
+                return _rows(means)
+    return True
+
+
+def _rows(means: F64) -> bool:
+    """As :func:`_all_round`, of rows and columns."""
+    away = np.maximum(np.linalg.norm(means, axis=1), 1e-300)
+    height, turn = np.arcsin(np.clip(means[:, 1] / away, -1, 1)), np.arctan2(means[:, 0], means[:, 2])
+    return _even(turn, height, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2))
+
+
+def _even(x: F64, y: F64, wide: tuple[float, float], high: tuple[float, float], expected: float | None = None) -> bool:
+    """Whether points lie as evenly in a rectangle as pixels do, so many in all where that is given."""
+    cells = TUNING.taker_cells
+    held, _, _ = np.histogram2d(x, y, bins=cells, range=[wide, high])
+    mean = held.mean() if expected is None else expected / cells**2
+    return bool(np.sqrt(np.mean((held - mean) ** 2)) < TUNING.taker_even * mean)
+
+
+def _near(means: F64) -> float:
+    return 1e-3 * float(np.median(np.linalg.norm(means, axis=1)))

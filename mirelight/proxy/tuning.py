@@ -272,6 +272,16 @@ class Tuning:
     taker_most: int = 2000  # pixels along its longer side
     taker_even: float = 0.3  # deviation of how many lie in a cell, by their mean: pixels 0.01
 
+    # whether a dome of sky stands around a capture (`dome`)
+    dome_stray: float = 0.005  # of the splats, that may lie beyond it
+    dome_thick: float = 0.75  # of its radius, beyond which splats are the dome's
+    dome_between: float = 0.4  # of its radius: between that and the dome is hardly anything
+    dome_empty: float = 0.1  # of the dome's splats: what may be there
+    dome_things: float = 0.02  # of all splats, that things within it have at the least
+    dome_far: float = 4.0  # times as far off as the median splat within it
+    dome_cells: int = 12  # of the sphere from pole to pole
+    dome_covered: float = 0.6  # of the directions of one half of the sphere
+
     # what a capture is (`capture`)
     capture_surfel: float = 0.12  # smallest over middle axis, below which splats are discs (fitted scenes 0.02-0.08)
     # of the splats, that are as thin as that: real captures have medians of 0.04 to 0.3, three quarters 0.2

@@ -13,7 +13,7 @@ from mirelight.apps.first_job import Wish, job_for
 from mirelight.io import splats
 from mirelight.model import SplatCloud
 from mirelight.proxy.guessed import taken_from
-from mirelight.proxy.one_picture import taker
+from mirelight.proxy.one_picture import takers
 from mirelight.proxy.types import ProxySettings
 
 from .clouds import ball
@@ -42,8 +42,7 @@ def of_one_picture() -> SplatCloud:
 
 @pytest.mark.parametrize("axes", [np.eye(4), GLTF])
 def test_its_camera_stands_at_the_origin_and_has_its_lens(axes: np.ndarray) -> None:
-    camera = taker(splats.transform(of_one_picture(), axes))
-    assert camera is not None
+    (camera,) = takers(splats.transform(of_one_picture(), axes))
     np.testing.assert_allclose(axes[:3, :3] @ GLTF[:3, :3], camera.world_from_camera[:3, :3], atol=1e-12)
     np.testing.assert_array_equal(camera.position, 0)
     assert camera.width == pytest.approx(WIDE, rel=0.02) and camera.height == pytest.approx(HIGH, rel=0.02)
@@ -53,14 +52,42 @@ def test_its_camera_stands_at_the_origin_and_has_its_lens(axes: np.ndarray) -> N
 
 def test_other_splats_were_not_made_of_one_picture() -> None:
     cloud, rng = of_one_picture(), np.random.default_rng(0)
-    assert taker(ball(30_000)) is None
-    assert taker(replace(cloud, means=cloud.means + np.array([0.5, 0, -2], np.float32))) is None  # moved
-    assert (
-        taker(replace(cloud, means=cloud.means * np.float32([1, 1, -1]) * rng.choice([-1, 1], (len(cloud), 1)))) is None
-    )
+    assert not takers(ball(30_000))
+    assert not takers(replace(cloud, means=cloud.means + np.array([0.5, 0, -2], np.float32)))  # moved
+    sides = rng.choice(np.array([-1, 1], np.float32), (len(cloud), 1))
+    assert not takers(replace(cloud, means=cloud.means * sides))  # behind the eye as well
     dense = rng.choice(len(cloud), len(cloud), p=(w := np.exp(-4 * np.abs(cloud.means[:, 0]))) / w.sum())
-    assert taker(replace(cloud, means=cloud.means[dense])) is None  # as dense as detail, as trained splats are
-    assert taker(replace(cloud, means=np.full_like(cloud.means, 1))) is None
+    assert not takers(replace(cloud, means=cloud.means[dense]))  # as dense as detail, as trained splats are
+    assert not takers(replace(cloud, means=np.full_like(cloud.means, 1)))
+
+
+def panorama(kind: str) -> SplatCloud:
+    """A room of 4 x 3 x 5 about the eye, a splat a pixel: of a cube's sides, or of rows and columns."""
+    if kind == "sides":
+        u, v = (x.ravel() for x in np.meshgrid(*2 * [(np.arange(64) + 0.5) / 32 - 1]))
+        ways = np.concatenate([np.roll(np.stack([s + 0 * u, u, v], 1), k, axis=1) for k in range(3) for s in (1, -1)])
+    else:
+        turn, height = (x.ravel() for x in np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(128) + 0.5) / 128))
+        turn, height = 2 * np.pi * turn, np.pi * (height - 0.5)
+        flat = np.cos(height)
+        ways = np.stack([flat * np.sin(turn), np.sin(height), flat * np.cos(turn)], axis=1)
+    means = ways * np.min([2, 1.5, 2.5] / np.maximum(np.abs(ways), 1e-9), axis=1, keepdims=True)
+    one, n = of_one_picture(), len(means)
+    return replace(
+        one,
+        means=means.astype(np.float32),
+        **{k: getattr(one, k)[:n] for k in ("quats", "scales", "opacities", "sh")},
+    )
+
+
+@pytest.mark.parametrize("kind", ["sides", "rows"])
+def test_a_panorama_is_looked_at_all_round(kind: str) -> None:
+    cameras = takers(panorama(kind))
+    assert len(cameras) == 6 and all(not x.position.any() for x in cameras)
+    poses = [x.world_from_camera for x in cameras]
+    np.testing.assert_allclose(np.sum(poses, axis=0)[:3, 2], 0, atol=1e-12)  # each side, and that across from it
+    moved = replace(panorama(kind), means=panorama(kind).means + np.array([0.6, 0, 0], np.float32))
+    assert not takers(moved)
 
 
 def test_what_is_made_of_it_is_made_from_there() -> None:

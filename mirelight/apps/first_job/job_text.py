@@ -20,7 +20,7 @@ from mirelight.estimate.tuning import TUNING
 from mirelight.model import Camera, SplatCloud
 from mirelight.pipeline.guesses import guessed_of_file
 from mirelight.proxy import views
-from mirelight.proxy.one_picture import taker
+from mirelight.proxy.one_picture import takers
 
 _DEEP = 0.01  # depth of what pixels blend (surfaces up to 0.003, fog from 0.017 on): beyond, a closer look is taken
 _MOST_CAMERAS = 3  # of the capture, that a first job renders
@@ -129,11 +129,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
 
 
 def _taken(cameras: beside.Cameras | None, cloud: SplatCloud) -> tuple[Camera, ...]:
-    """Cameras that are known, or that of the one picture that splats were made of, in their axes."""
-    if cameras is not None:
-        return cameras.placed(np.eye(3))
-    picture = taker(cloud)
-    return () if picture is None else (picture,)
+    """Cameras that are known, or those of the one picture that splats were made of, in their axes."""
+    return takers(cloud) if cameras is None else cameras.placed(np.eye(3))
 
 
 def _guessed(capture: Path, progress: ShareProgress) -> tuple[Camera, ...]:

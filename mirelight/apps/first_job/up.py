@@ -159,7 +159,7 @@ def some_discs(cloud: SplatCloud, wanted: NDArray[np.bool_]) -> tuple[NDArray[np
 
 def _of_cameras(poses: Sequence[F64]) -> F64 | None:
     """The direction that is across all cameras' right; None where cameras do not agree, as of a phone rolled about."""
-    if len(poses) < 3:
+    if len(poses) < 3 or not np.ptp([p[:3, 3] for p in poses], axis=0).any():  # the sides of a panorama were not held
         return None
     rights, ups = np.stack([p[:3, 0] for p in poses]), np.stack([p[:3, 1] for p in poses])
     mean = ups.mean(axis=0)

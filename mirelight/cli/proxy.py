@@ -125,6 +125,7 @@ def _made(
 ) -> tuple[str, ProxyMesh, ProxyQuality, ProxyQuality | None]:
     """How it was made, the mesh, its quality, and what the quality was before a fit."""
     from mirelight.io.mesh import read_mesh
+    from mirelight.model import shown
     from mirelight.pipeline.guesses import guessed_of_file
     from mirelight.proxy import ProxySettings, judge, make, register
     from mirelight.proxy.judge import seen_by
@@ -138,7 +139,7 @@ def _made(
         if cameras:
             how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"
         elif made.guessed:
-            how += f"; from {made.guessed} guessed views, as no cameras are given: --cameras is surer"
+            how += f"; from {shown.count(made.guessed, 'guessed view')}, as no cameras are given: --cameras is surer"
         if made.ceiling is not None:
             how += f"; a ceiling is guessed {made.ceiling:.3g} over the floor, above all pictures (--no-ceiling: none)"
         return how, made.mesh, made.quality, None

@@ -23,6 +23,7 @@ from mirelight.model.profiles import BRIGHTEST
 Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours", "albedo", "objects"]
 
 OPAQUE = 0.5  # alpha above which a pixel shows splats
+_SKY = 2.0  # times as far as nearly all of the proxy in a picture is
 MOST_UNCOVERED = 0.18  # share of the splats' pixels
 MOST_GAP = 0.02  # median distance along the view axis, share of what the picture shows of the proxy
 MOST_WHITE = 0.15  # share of the splats' pixels, and so much more than the capture has
@@ -121,16 +122,17 @@ def _fit(frame: Frame, own: bool) -> list[Finding]:
     rows = np.arange(0, height, step) * splats.camera.height // height
     columns = np.arange(0, width, step) * splats.camera.width // width
     on: Mask = (1 - splats.transmittance)[np.ix_(rows, columns)] > OPAQUE
+    covered: Mask = lit.coverage[::step, ::step] > OPAQUE
+    depth, lit_depth = splats.median_depth[np.ix_(rows, columns)], lit.depth[::step, ::step]
+    if covered.any():  # a sky of splats has no proxy
+        on &= covered | (depth < _SKY * np.quantile(lit_depth[covered], 0.95))
     if not on.any():
         return []
-    covered: Mask = lit.coverage[::step, ::step] > OPAQUE
     off = 1 - float((on & covered).sum() / on.sum())
     look = _OWN if own else '`mirelight inspect` says what would make it fit; proxy = "splats" has one made that does'
     if off > MOST_UNCOVERED:
         text = f"the proxy does not cover {off:.0%} of the splats' pixels (right ones leave up to 13 %)"
         return [Finding("uncovered", text, look)]
-    depth = splats.median_depth[np.ix_(rows, columns)]
-    lit_depth = lit.depth[::step, ::step]
     both = on & covered & (depth > 0) & (lit_depth > 0)
     size = _extent(lit.position[::step, ::step][covered])
     if not both.any() or not size > 0:

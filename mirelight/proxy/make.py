@@ -29,6 +29,7 @@ from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import Sky, flattened, fog_of
 from mirelight.proxy.lids import closed_by, covered, lids_of
 from mirelight.proxy.nets import surface_of
+from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.stereo import agreed
@@ -89,6 +90,8 @@ def make(
             report("guessing where it was taken from", 0.02)
             told = guess() if guess else taken_from(splats, settings)
             there = [moved(camera, -capture.middle) for camera in told]
+        if len(there) == 1:
+            capture, there = _of_one_picture(splats, moved(there[0], capture.middle), source)
         through = fewer(there) if there else _around(capture)
         capture = replace(
             capture, spacing=max(capture.spacing, TUNING.make_grain * footprint(through, capture.splats.means))
@@ -160,6 +163,12 @@ class _Fused:
     views: list[DepthMap]  # as they were joined
     flats: list[Flat]
     sky: Sky
+
+
+def _of_one_picture(splats: SplatCloud, camera: Camera, source: str | Path) -> tuple[Capture, list[Camera]]:
+    """What a picture shows but its sky, and its camera, world space to the capture's."""
+    capture = look_at_capture(without_far(splats, camera), source)
+    return capture, [moved(camera, -capture.middle)]
 
 
 def _stands(views: Sequence[DepthMap]) -> F64 | None:

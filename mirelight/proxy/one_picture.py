@@ -6,10 +6,13 @@ for a panorama. The eye is the origin; editors and converters keep the places, a
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mirelight.base import conventions
 from mirelight.model import F64, Camera, SplatCloud
+from mirelight.model.scene import SOLID
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import from_points
 
@@ -35,6 +38,15 @@ def takers(splats: SplatCloud) -> tuple[Camera, ...]:
         return ()
     size = np.sqrt(len(means) / _LAYERS / 6)
     return tuple(from_points(np.zeros((1, 3)), int(min(size, TUNING.taker_most)), _near(means)))
+
+
+def without_far(splats: SplatCloud, camera: Camera) -> SplatCloud:
+    """The splats, those that lie far behind what one picture shows made transparent: its sky, which a network believes
+    to be anywhere, and what is so far off that it keeps no light from the rest."""
+    depth = (splats.means.astype(np.float64) - camera.position) @ -camera.world_from_camera[:3, 2]
+    shown = (splats.opacities >= SOLID) & (depth > 0)
+    near = float(np.quantile(depth[shown], TUNING.taker_near)) if shown.any() else np.inf
+    return replace(splats, opacities=np.where(depth > TUNING.taker_far * near, np.float32(0), splats.opacities))
 
 
 def _picture(means: F64, ahead: float) -> Camera | None:
@@ -94,4 +106,4 @@ def _even(x: F64, y: F64, wide: tuple[float, float], high: tuple[float, float], 
 
 
 def _near(means: F64) -> float:
-    return 1e-3 * float(np.median(np.linalg.norm(means, axis=1)))
+    return 1e-3 * float(np.quantile(np.linalg.norm(means, axis=1), TUNING.taker_near))

@@ -270,6 +270,8 @@ class Tuning:
     taker_widest: float = 6.0  # tangents across the picture: 143 degrees
     taker_cells: int = 16  # of the picture, along each side
     taker_most: int = 2000  # pixels along its longer side
+    taker_near: float = 0.25  # of what a picture shows, by whose depth it is told what is far behind
+    taker_far: float = 15.0  # times that depth
     taker_even: float = 0.3  # deviation of how many lie in a cell, by their mean: pixels 0.01
 
     # whether a dome of sky stands around a capture (`dome`)

@@ -65,6 +65,18 @@ def test_a_proxy_that_is_turned_moved_or_scaled_is_said(transform: str) -> None:
     assert found[:1] in (["uncovered"], ["gap"]), found
 
 
+def test_a_sky_of_splats_far_behind_needs_no_proxy(right: tuple[Scene, Frame]) -> None:
+    scene, frame = right
+    assert frame.splats is not None and frame.lighting is not None
+    above = np.arange(90)[:, None] < 40
+    lit = replace(frame.lighting, coverage=np.where(above, np.float32(0), frame.lighting.coverage))
+    near = replace(frame, lighting=lit)
+    depth = np.where(above, 10 * frame.splats.median_depth, frame.splats.median_depth)
+    far = replace(near, splats=replace(frame.splats, median_depth=depth))
+    assert kinds(scene, near)[:1] == ["uncovered"]
+    assert "uncovered" not in kinds(scene, far)
+
+
 SMALL = "resolution=[64,36]"
 
 

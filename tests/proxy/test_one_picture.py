@@ -12,6 +12,7 @@ import pytest
 from mirelight.apps.first_job import Wish, job_for
 from mirelight.io import splats
 from mirelight.model import SplatCloud
+from mirelight.proxy import make
 from mirelight.proxy.guessed import taken_from
 from mirelight.proxy.one_picture import takers
 from mirelight.proxy.types import ProxySettings
@@ -103,3 +104,13 @@ def test_a_first_job_shows_what_the_picture_showed(tmp_path: Path) -> None:
     assert "rotation_euler = [0, 0, 180]" in job  # most of what it shows is a wall, which is no floor
     (yfov,) = re.findall(r"yfov = ([\d.]+)", job)
     assert float(yfov) == pytest.approx(np.degrees(2 * np.arctan(WIDE / 2 / FOCAL * 9 / 16)), abs=0.5)
+
+
+def test_a_sky_that_is_believed_to_be_anywhere_is_no_part_of_the_proxy() -> None:
+    cloud = of_one_picture()
+    sky = cloud.means[:, 1] < -0.3 * cloud.means[:, 2]  # the upper part of the picture
+    far = np.where(sky, np.exp(np.random.default_rng(2).uniform(4, 7, len(sky))), 1).astype(np.float32)[:, None]
+    cloud = replace(cloud, means=cloud.means * far, scales=cloud.scales * far)
+    mesh = make(cloud).mesh
+    assert len(mesh.faces) > 1000
+    assert np.abs(mesh.vertices).max() < 12

@@ -20,6 +20,7 @@ from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy import ProxySettings
 from mirelight.proxy.capture import are_discs, look_at_capture
 from mirelight.proxy.guessed import Guess
+from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.upright import seen_surface, upright
 from mirelight.proxy.views import moved
 
@@ -135,7 +136,8 @@ def said(way: Sequence[float]) -> Up:
 def _of_surface(cloud: SplatCloud, cameras: Sequence[Camera], habit: F64) -> Up | None:
     """By what of the surface faces up and what stands upright; None: nothing tells."""
     try:
-        capture = look_at_capture(cloud, "splats")
+        near = without_far(cloud, cameras[0]) if len(cameras) == 1 else cloud
+        capture = look_at_capture(near, "splats")
     except InputError:  # said where a surface is asked for
         return None
     there = [moved(x, -capture.middle) for x in cameras]

@@ -14,6 +14,7 @@ from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.model import F32, F64, Camera, SplatCloud, SplatLayer
 from mirelight.proxy.depth import pixels_of
 from mirelight.proxy.guessed import Guess, taken_from
+from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import evenly
 
@@ -94,7 +95,8 @@ def best(
     """
     from mirelight.compositor import Compositor
 
-    solid = cloud.means[cloud.opacities > 0.1].astype(np.float64)
+    near = without_far(cloud, captured[0]) if len(captured) == 1 else cloud
+    solid = cloud.means[near.opacities > 0.1].astype(np.float64)
     if not len(solid):
         raise InputError(source, "no splat shows (every opacity is below 0.1)", "check the file")
     low, high = _bounds(solid)

@@ -58,7 +58,7 @@ def _picture(means: F64, ahead: float) -> Camera | None:
     wide, high = right - left, bottom - top
     if not (left < 0 < right and top < 0 < bottom and wide < TUNING.taker_widest and high < TUNING.taker_widest):
         return None
-    if not _even(across, down, (left, right), (top, bottom)):
+    if not _uneven(across, down, (left, right), (top, bottom)) < TUNING.taker_even:
         return None
     pixels = min(
         np.sqrt(len(means) / _LAYERS / (wide * high)), TUNING.taker_most / max(wide, high)
@@ -85,7 +85,7 @@ def _all_round(means: F64) -> bool:
         for sign in (1.0, -1.0):
             side = means[(largest == axis) & (sign * means[:, axis] > 0)]
             one, two = (side[:, (axis + k) % 3] / np.abs(side[:, axis]) for k in (1, 2))
-            if not _even(one, two, (-1, 1), (-1, 1), len(means) / 6):
+            if not _uneven(one, two, (-1, 1), (-1, 1), len(means) / 6) < TUNING.taker_round:
                 return _rows(means)
     return True
 
@@ -94,15 +94,18 @@ def _rows(means: F64) -> bool:
     """As :func:`_all_round`, of rows and columns."""
     away = np.maximum(np.linalg.norm(means, axis=1), 1e-300)
     height, turn = np.arcsin(np.clip(means[:, 1] / away, -1, 1)), np.arctan2(means[:, 0], means[:, 2])
-    return _even(turn, height, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2))
+    return _uneven(turn, height, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2)) < TUNING.taker_round
 
 
-def _even(x: F64, y: F64, wide: tuple[float, float], high: tuple[float, float], expected: float | None = None) -> bool:
-    """Whether points lie as evenly in a rectangle as pixels do, so many in all where that is given."""
+def _uneven(
+    x: F64, y: F64, wide: tuple[float, float], high: tuple[float, float], expected: float | None = None
+) -> float:
+    """How far from even points lie in a rectangle: of how many a cell has, the deviation by the mean; `expected`: of
+    how many they should be in all."""
     cells = TUNING.taker_cells
     held, _, _ = np.histogram2d(x, y, bins=cells, range=[wide, high])
     mean = held.mean() if expected is None else expected / cells**2
-    return bool(np.sqrt(np.mean((held - mean) ** 2)) < TUNING.taker_even * mean)
+    return float(np.sqrt(np.mean((held - mean) ** 2)) / mean)
 
 
 def _near(means: F64) -> float:

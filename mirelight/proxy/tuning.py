@@ -272,7 +272,10 @@ class Tuning:
     taker_most: int = 2000  # pixels along its longer side
     taker_near: float = 0.25  # of what a picture shows, by whose depth it is told what is far behind
     taker_far: float = 15.0  # times that depth
-    taker_even: float = 0.3  # deviation of how many lie in a cell, by their mean: pixels 0.01
+    # deviation of how many lie in a cell, by their mean: pixels 0.01, without the hidden ones of some parts 0.3, where
+    # splats were trained 1 and more; a ball has 0.45 all round
+    taker_even: float = 0.5
+    taker_round: float = 0.3
 
     # whether a dome of sky stands around a capture (`dome`)
     dome_stray: float = 0.005  # of the splats, that may lie beyond it

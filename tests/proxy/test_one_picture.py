@@ -51,6 +51,14 @@ def test_its_camera_stands_at_the_origin_and_has_its_lens(axes: np.ndarray) -> N
     assert camera.cx == pytest.approx(WIDE / 2, rel=0.02) and camera.cy == pytest.approx(HIGH / 2, rel=0.02)
 
 
+def test_hidden_splats_may_have_been_thrown_away() -> None:
+    cloud = of_one_picture()
+    kept = (np.arange(len(cloud)) < len(cloud) // 2) | (cloud.means[:, 0] < 0)  # those behind the right half are gone
+    few = replace(cloud, **{k: getattr(cloud, k)[kept] for k in ("means", "quats", "scales", "opacities", "sh")})
+    (camera,) = takers(few)
+    assert camera.width / camera.height == pytest.approx(WIDE / HIGH, rel=0.02)
+
+
 def test_other_splats_were_not_made_of_one_picture() -> None:
     cloud, rng = of_one_picture(), np.random.default_rng(0)
     assert not takers(ball(30_000))

@@ -167,7 +167,7 @@ class _Fused:
 
 def _of_one_picture(splats: SplatCloud, camera: Camera, source: str | Path) -> tuple[Capture, list[Camera]]:
     """What a picture shows but its sky, and its camera, world space to the capture's."""
-    capture = look_at_capture(without_far(splats, camera), source)
+    capture = look_at_capture(without_far(splats, (camera,)), source)
     return capture, [moved(camera, -capture.middle)]
 
 

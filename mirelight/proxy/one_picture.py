@@ -6,6 +6,7 @@ for a panorama. The eye is the origin; editors and converters keep the places, a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,9 +41,12 @@ def takers(splats: SplatCloud) -> tuple[Camera, ...]:
     return tuple(from_points(np.zeros((1, 3)), int(min(size, TUNING.taker_most)), _near(means)))
 
 
-def without_far(splats: SplatCloud, camera: Camera) -> SplatCloud:
+def without_far(splats: SplatCloud, cameras: Sequence[Camera]) -> SplatCloud:
     """The splats, those that lie far behind what one picture shows made transparent: its sky, which a network believes
-    to be anywhere, and what is so far off that it keeps no light from the rest."""
+    to be anywhere, and what is so far off that it keeps no light from the rest. With more cameras, or none, all."""
+    if len(cameras) != 1:
+        return splats
+    (camera,) = cameras
     depth = (splats.means.astype(np.float64) - camera.position) @ -camera.world_from_camera[:3, 2]
     shown = (splats.opacities >= SOLID) & (depth > 0)
     near = float(np.quantile(depth[shown], TUNING.taker_near)) if shown.any() else np.inf
@@ -60,9 +64,8 @@ def _picture(means: F64, ahead: float) -> Camera | None:
         return None
     if not _uneven(across, down, (left, right), (top, bottom)) < TUNING.taker_even:
         return None
-    pixels = min(
-        np.sqrt(len(means) / _LAYERS / (wide * high)), TUNING.taker_most / max(wide, high)
-    )  # to a tangent of 1
+    # to a tangent of 1
+    pixels = min(np.sqrt(len(means) / _LAYERS / (wide * high)), TUNING.taker_most / max(wide, high))
     turned = np.diag([1.0, -ahead, -ahead])  # a camera looks along -Z with +Y up
     return Camera(
         world_from_camera=conventions.compose(rotation=turned),

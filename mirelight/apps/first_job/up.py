@@ -136,8 +136,7 @@ def said(way: Sequence[float]) -> Up:
 def _of_surface(cloud: SplatCloud, cameras: Sequence[Camera], habit: F64) -> Up | None:
     """By what of the surface faces up and what stands upright; None: nothing tells."""
     try:
-        near = without_far(cloud, cameras[0]) if len(cameras) == 1 else cloud
-        capture = look_at_capture(near, "splats")
+        capture = look_at_capture(without_far(cloud, cameras), "splats")
     except InputError:  # said where a surface is asked for
         return None
     there = [moved(x, -capture.middle) for x in cameras]

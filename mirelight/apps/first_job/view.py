@@ -95,8 +95,7 @@ def best(
     """
     from mirelight.compositor import Compositor
 
-    near = without_far(cloud, captured[0]) if len(captured) == 1 else cloud
-    solid = cloud.means[near.opacities > 0.1].astype(np.float64)
+    solid = cloud.means[without_far(cloud, captured).opacities > 0.1].astype(np.float64)
     if not len(solid):
         raise InputError(source, "no splat shows (every opacity is below 0.1)", "check the file")
     low, high = _bounds(solid)

@@ -140,6 +140,8 @@ def _made(
             how += f"; {made.unseen:,} triangles more close what its {len(cameras):,} cameras did not see"
         elif made.guessed:
             how += f"; from {shown.count(made.guessed, 'guessed view')}, as no cameras are given: --cameras is surer"
+        if made.mirrors:
+            how += f"; {shown.count(made.mirrors, 'mirror')}, through which no light comes"
         if made.ceiling is not None:
             how += f"; a ceiling is guessed {made.ceiling:.3g} over the floor, above all pictures (--no-ceiling: none)"
         return how, made.mesh, made.quality, None

@@ -167,7 +167,7 @@ def regions_of(mesh: ProxyMesh, seed: int = 0) -> tuple[I32, tuple[str, ...]]:
         mesh: with vertex colours, where it has but one material.
         seed: of the search for parts.
     """
-    if len(mesh.materials) > 1 and mesh.face_materials is not None:
+    if sum(not x.is_mirror for x in mesh.materials) > 1 and mesh.face_materials is not None:
         return mesh.face_materials, tuple(x.name for x in mesh.materials)
     from scipy.cluster.vq import kmeans2
     from scipy.spatial import cKDTree
@@ -193,7 +193,9 @@ def finished(mesh: ProxyMesh, regions: I32, found: Sequence[Finish]) -> ProxyMes
     owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
     pairs, which = np.unique(np.stack([regions, owners]), axis=1, return_inverse=True)
     materials = tuple(
-        replace(
+        mesh.materials[owner]
+        if mesh.materials[owner].is_mirror
+        else replace(
             mesh.materials[owner],
             name=found[region].name,
             roughness=found[region].roughness,

@@ -19,10 +19,12 @@ from mirelight.base.progress import ShareProgress, counted, part, quiet
 from mirelight.lighting import along_axes
 from mirelight.lighting.albedo import UNLIT
 from mirelight.lighting.appearance import shown
+from mirelight.lighting.mirrors import planes_of
 from mirelight.lighting.trace import Tracer
 from mirelight.model import (
     F32,
     F64,
+    I32,
     Camera,
     Environment,
     Lighting,
@@ -93,8 +95,7 @@ def places_of(
     low, high = proxy.bounds
     reach = REACH * float(np.linalg.norm(high.astype(np.float64) - low))
     means = splats.means.astype(np.float64)
-    axes = conventions.rotation_from_quaternion(splats.quats)  # columns
-    face, corners, _ = along_axes.nearest(tracer, means, axes, splats.scales, reach)
+    face, corners = _nearest(splats, proxy, tracer, reach)
     found, lost = np.flatnonzero(face >= 0), np.flatnonzero(face < 0)
     if not len(found):
         raise RenderError(
@@ -125,6 +126,18 @@ def places_of(
             lit = np.setdiff1d(np.arange(len(means)), unseen, assume_unique=True)
             _take_over(unseen, lit, means[lit], means, points, normals)
     return Places(points, normals, len(found) / len(means))
+
+
+def _nearest(splats: SplatCloud, proxy: ProxyMesh, tracer: Tracer, reach: float) -> tuple[I32, F32]:
+    """For each of N splats (N,) the face on which it lies, -1: none, and (N, 3) weights of its corners; of those that
+    show what a mirror does, where that is."""
+    means, axes = splats.means.astype(np.float64), conventions.rotation_from_quaternion(splats.quats)  # columns
+    face, corners, _ = along_axes.nearest(tracer, means, axes, splats.scales, reach)
+    for plane in planes_of(proxy):
+        some = np.flatnonzero((face < 0) & plane.behind(means))
+        turned = plane.points(means[some]), plane.axes(axes[some])
+        face[some], corners[some], _ = along_axes.nearest(tracer, *turned, splats.scales[some], reach)
+    return face, corners
 
 
 def _off_edges(corner: F64, weights: F32) -> F64:

@@ -57,6 +57,8 @@ class Dress:
     def faces(self, mesh: ProxyMesh, painted: Painted | None = None) -> NDArray[np.bool_]:
         """(F,) which faces are meant; `painted` tells which points are seen in a mask's paint."""
         chosen = np.ones(len(mesh.faces), np.bool_)
+        if self.name is None and mesh.mirrors is not None:  # what is said of a room is not said of its mirror
+            chosen &= ~mesh.mirrors
         if self.name is not None:
             named = np.array([x.name == self.name for x in mesh.materials])
             chosen &= named[0 if mesh.face_materials is None else mesh.face_materials]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.base import colour, primaries
 from mirelight.model import shown
@@ -93,6 +94,9 @@ Wrap: TypeAlias = Literal["repeat", "mirror", "clamp"]  # what a texture shows o
 Wraps: TypeAlias = tuple[Wrap, Wrap]  # along u and v
 
 
+MIRROR = "mirror"  # name of the material of mirrors
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Material(ArrayHolder):
     """What a proxy's own file says of its surface. It glows always; its base colour is used where the albedo comes from
@@ -136,6 +140,12 @@ class Material(ArrayHolder):
         freeze(self, "specular", (3,), np.float64)
         freeze(self, "emissive", (3,), np.float64)
 
+    @property
+    def is_mirror(self) -> bool:
+        """Whether it is a mirror that the capture shows: a smooth metal of that name. Splats show what it mirrors as if
+        that lay behind it; in lobes, which have no colours of their own, it has no part."""
+        return self.name == MIRROR and self.metallic == 1 and self.roughness == 0
+
     def __repr__(self) -> str:
         maps = {"base colour": self.base_color_texture, "emissive": self.emissive_texture}
         textures = [f"{name} texture {x.shape[1]} x {x.shape[0]}" for name, x in maps.items() if x is not None]
@@ -169,6 +179,28 @@ class ProxyMesh(ArrayHolder):
         freeze(self, "albedo", (3,), np.float64)
         if len(self.faces) and not (int(self.faces.min()) >= 0 and int(self.faces.max()) < v):
             raise ValueError(f"ProxyMesh.faces: an index outside 0..{v - 1}")
+
+    @property
+    def mirrors(self) -> NDArray[np.bool_] | None:
+        """(F,) which faces are a capture's mirrors; None: none are."""
+        kinds = np.array([x.is_mirror for x in self.materials])
+        if not kinds.any():
+            return None
+        found: NDArray[np.bool_] = kinds[self._owners]
+        return found if found.any() else None
+
+    def with_mirrors(self, faces: NDArray[np.bool_]) -> ProxyMesh:
+        """The same with faces (F,) that mirror, where there are any."""
+        if not faces.any():
+            return self
+        mirror = Material(name=MIRROR, metallic=1.0, roughness=0.0)
+        owners = np.where(faces, len(self.materials), self._owners).astype(np.int32)
+        return replace(self, materials=(*self.materials, mirror), face_materials=owners)
+
+    @property
+    def _owners(self) -> I32:
+        """(F,) index of each face's material."""
+        return np.zeros(len(self.faces), np.int32) if self.face_materials is None else self.face_materials
 
     def __repr__(self) -> str:
         corners = f", {' to '.join(map(shown.point, self.bounds))}" if len(self.vertices) else ""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.base.progress import ShareProgress, passed, quiet
+from mirelight.lighting.mirrors import planes_of
 from mirelight.model import F32, F64, Camera, ProxyMesh, SplatLayer, triangles
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ _ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's l
 
 
 def distances(points: F32, mesh: ProxyMesh, threads: int | None = None, progress: ShareProgress = quiet) -> F32:
-    """(N,) distance of points (N, 3) to a mesh, world units, at most as much too small as points on it lie apart.
+    """(N,) distance of points (N, 3) to a mesh, or in its mirrors to what it shows there, world units, at most as much
+    too small as points on it lie apart.
 
     Args:
         points: anywhere.
@@ -40,11 +42,16 @@ def distances(points: F32, mesh: ProxyMesh, threads: int | None = None, progress
     if not area > 0:
         return np.full(len(points), np.inf, np.float32)
     marks = spread(mesh.vertices.astype(np.float64), mesh.faces.astype(np.int64), _MARKS)
-    tree, apart = cKDTree(marks), np.sqrt(area / len(marks))
+    tree, apart, planes = cKDTree(marks), np.sqrt(area / len(marks)), planes_of(mesh)
     out = np.empty(len(points), np.float32)
     for first in passed(range(0, len(points), _ROWS), progress, "looking how far splats lie from the proxy"):
         rows = slice(first, first + _ROWS)
-        away, _ = tree.query(points[rows].astype(np.float64), workers=threads or -1)
+        at = points[rows].astype(np.float64)
+        away, _ = tree.query(at, workers=threads or -1)
+        for plane in planes:
+            behind = plane.behind(at)
+            seen, _ = tree.query(plane.points(at[behind]), workers=threads or -1)
+            away[behind] = np.minimum(away[behind], seen)
         out[rows] = np.maximum(away - apart, 0)
     return out
 

@@ -61,11 +61,19 @@ class Codec(Generic[T]):
 
 
 ARRAY: Codec[NDArray[Any]] = Codec("scene", lambda x: Packed({"values": x}), lambda packed: packed.arrays["values"])
-MESH: Codec[ProxyMesh] = Codec(  # vertices and faces alone
-    "scene",
-    lambda mesh: Packed({"vertices": mesh.vertices, "faces": mesh.faces}),
-    lambda packed: ProxyMesh(vertices=packed.arrays["vertices"], faces=packed.arrays["faces"]),
-)
+
+
+def _pack_mesh(mesh: ProxyMesh) -> Packed:
+    mirrors = mesh.mirrors
+    return Packed({"vertices": mesh.vertices, "faces": mesh.faces} | ({} if mirrors is None else {"mirrors": mirrors}))
+
+
+def _unpack_mesh(packed: Packed) -> ProxyMesh:
+    mesh = ProxyMesh(vertices=packed.arrays["vertices"], faces=packed.arrays["faces"])
+    return mesh.with_mirrors(packed.arrays["mirrors"]) if "mirrors" in packed.arrays else mesh
+
+
+MESH: Codec[ProxyMesh] = Codec("scene", _pack_mesh, _unpack_mesh)  # vertices, faces and which mirror, and no more
 
 
 def _pack_cameras(cameras: tuple[Camera, ...]) -> Packed:

@@ -14,7 +14,7 @@ from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, part, passed, quiet
 from mirelight.base.together import each
 from mirelight.lighting.sight import Sight
-from mirelight.model import F64, Camera, SplatCloud
+from mirelight.model import F64, Camera, ProxyMesh, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
@@ -28,6 +28,7 @@ from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import Sky, flattened, fog_of
 from mirelight.proxy.lids import closed_by, covered, lids_of
+from mirelight.proxy.mirrors import mirroring, mirrors_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.openings import opened, windows_of
@@ -84,7 +85,7 @@ def make(
     refuse_strangers(capture, there, source)
     if method == "cells":
         maps = DepthMaps(capture, settings)
-        soup, shown = cells_of(capture, settings, part(report, 0.05, 0.9)), list[DepthMap]()
+        soup, shown, mirrors = cells_of(capture, settings, part(report, 0.05, 0.9)), list[DepthMap](), list[Flat]()
     else:
         if not there and settings.views == "auto":
             report("guessing where it was taken from", 0.02)
@@ -107,7 +108,7 @@ def make(
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
         up = held_up(cameras) if cameras or not there else _stands(views)
         found = _fused(capture, views, up, part(report, 0.55, 0.75))
-        soup, shown = found.soup, [] if found.sky.fog else found.views
+        soup, shown, mirrors = found.soup, [] if found.sky.fog else found.views, found.mirrors
         if there and (core := core_of(capture, there)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
     if not len(soup.faces):
@@ -127,14 +128,21 @@ def make(
         added = closing(soup, sight, there, capture.spacing, last, shown, ceiling=roofed, guessed=not cameras)
         whole, ceiling = soup.beside(added.soup), added.ceiling
     return MadeProxy(
-        mesh=Soup(whole.vertices + capture.middle, whole.faces).mesh(),
+        mesh=_placed(whole, mirrors, capture),
         method=method,
         quality=quality,
         unseen=len(whole.faces) - len(soup.faces),
+        mirrors=len(mirrors),
         ceiling=None if ceiling is None else ceiling.height - ceiling.floor,
         guessed=0 if cameras else len(there),
         seconds=time.monotonic() - began,
     )
+
+
+def _placed(soup: Soup, mirrors: Sequence[Flat], capture: Capture) -> ProxyMesh:
+    """A surface in world space, its mirrors known."""
+    placed = Soup(soup.vertices + capture.middle, soup.faces).mesh()
+    return placed.with_mirrors(mirroring(soup.mesh(), mirrors, capture.spacing))
 
 
 def refuse_fog(splats: SplatCloud, source: str | Path, progress: ShareProgress = quiet) -> None:
@@ -162,6 +170,7 @@ class _Fused:
     soup: Soup
     views: list[DepthMap]  # as they were joined
     flats: list[Flat]
+    mirrors: list[Flat]
     sky: Sky
 
 
@@ -181,6 +190,9 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     """By smoothed depth maps, each point of the surface in some of them; `up` (3,) unit, None: not known."""
     report("finding planes", 0.0)
     flats = flats_of(views, capture.spacing, capture.radius)
+    if mirrors := mirrors_of(views, flats, capture.spacing):
+        views = each(lambda view: covered(view, mirrors.values(), capture.spacing), views)
+        flats = closed_by(flats, mirrors)
     windows = windows_of(views, flats, capture.spacing)
     if windows:
         away = TUNING.opening_away * capture.radius
@@ -200,7 +212,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     soup = _surface(grid, flats)
     for window in windows:
         soup = soup.beside(window.solid())
-    return _Fused(soup, views, flats, sky)
+    return _Fused(soup, views, flats, list(mirrors.values()), sky)
 
 
 def _surface(grid: Grid, flats: Sequence[Flat]) -> Soup:
@@ -223,6 +235,8 @@ def _detailed(
     shown = [maps.of(camera) for camera in passed(core.cameras, part(report, 0.0, 0.15), DEPTHS)]
     smooth = part(report, 0.15, 0.2), "smoothing depth maps"
     views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown, *smooth)
+    if found.mirrors:
+        views = each(lambda view: covered(view, found.mirrors, core.spacing), views)
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)

@@ -87,6 +87,7 @@ class MadeProxy:
     method: Method
     quality: ProxyQuality  # of the surface that was seen
     unseen: int  # triangles of the mesh, its last, that close what no camera saw against light
+    mirrors: int  # mirrors of the capture that were told; their faces are known in the mesh
     ceiling: float | None  # how high over the floor one is guessed, above all pictures; None: there is none
     guessed: int  # views that it was looked at from, where its cameras are not known but splats tell of them; 0: none
     seconds: float  # that it took

@@ -132,6 +132,14 @@ PLANS = (
         shooting=Shooting(sky=True),
     ),
     _Plan(
+        "mirrored",
+        "mirrored",
+        "mirrored room, trained",
+        "sunny, longer exposed",
+        ("overcast", "lamps", "low sun"),
+        shooting=_LONGER,
+    ),
+    _Plan(
         "plinth", "plinth", "plinth, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
     ),
     *(
@@ -201,6 +209,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "courtyard": ((2.05, 2.3, 5.75), (-0.3, 1.55, -1.5), 43),
     "stage": ((0.05, 1.45, 4.6), (0.02, 0.95, 0.0), 33),
     "interior": ((1.85, 1.45, 1.75), (-0.8, 0.85, -0.75), 58),
+    "mirrored": ((1.3, 1.5, -1.3), (-0.5, 1.05, 1.5), 58),
     "sunroom": ((1.65, 1.5, 1.4), (-0.75, 0.75, -0.6), 58),
     "plinth": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "glazed": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
@@ -230,7 +239,7 @@ class _Scene:
         self.recipe: Recipe = importlib.import_module(f"scenegen.{plan.cloud}").recipe()
         own = {x.name: x for x in (self.recipe.captured, *self.recipe.lightings)}
         longer = replace(exposed(self.recipe.captured, 0.75), name="sunny, longer exposed")
-        more = {"courtyard": _hard_sun(), "interior": longer}.get(plan.scene)
+        more = {"courtyard": _hard_sun(), "interior": longer, "mirrored": longer}.get(plan.scene)
         self._lightings = own | ({} if more is None else {more.name: more})
         eye, target, yfov = APART[plan.scene]
         self._camera = size.seen(Camera.look_at(eye, target, 960, 540, yfov=yfov, name="apart"))
@@ -375,5 +384,7 @@ def _hard_sun() -> Lighting:
 
 def _welded(looks: Looks) -> ProxyMesh:
     """All true triangles, corners within a tenth of a millimetre made one."""
-    vertices, faces, _ = welded(np.concatenate([s.positions for s in looks.soups]))
-    return ProxyMesh(vertices=vertices.astype(np.float32), faces=faces.astype(np.int32))
+    vertices, faces, left = welded(np.concatenate([s.positions for s in looks.soups]))
+    mirrors = [np.full(len(s.positions), looks.surfaces[s.material].is_mirror) for s in looks.soups]
+    mesh = ProxyMesh(vertices=vertices.astype(np.float32), faces=faces.astype(np.int32))
+    return mesh.with_mirrors(np.concatenate(mirrors)[left])

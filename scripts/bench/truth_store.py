@@ -82,15 +82,19 @@ class Store:
         return np.asarray(np.load(self._kept(name, ".npy", maker, of, write)))
 
     def mesh(self, name: str, part: str, make: Callable[[], ProxyMesh], maker: Maker = "proxies") -> ProxyMesh:
-        """Vertices and faces of the mesh of that name, made unless it is there."""
+        """Vertices, faces and mirrors of the mesh of that name, made unless it is there."""
 
         def pack() -> F32:
             made = make()  # as floats: 2 ** 24 vertices at most
-            return np.concatenate([[[len(made.vertices), 0, 0]], made.vertices, made.faces]).astype(np.float32)
+            mirrors = np.flatnonzero(np.zeros(0) if made.mirrors is None else made.mirrors)
+            head = [len(made.vertices), len(made.faces), 0]
+            marked = np.repeat(mirrors[:, None], 3, axis=1)
+            return np.concatenate([[head], made.vertices, made.faces, marked]).astype(np.float32)
 
         rows = self.array(name, part, pack, maker)
-        count = 1 + int(rows[0, 0])
-        return ProxyMesh(vertices=rows[1:count], faces=rows[count:].astype(np.int32))
+        vertices, faces, mirrors = np.split(rows[1:], np.cumsum(rows[0, :2]).astype(np.int64))
+        made = ProxyMesh(vertices=vertices, faces=faces.astype(np.int32))
+        return made.with_mirrors(np.isin(np.arange(len(faces)), mirrors[:, 0]))
 
     def table(self, name: str, make: Callable[[], list[dict[str, Any]]], of: object) -> list[dict[str, Any]]:
         """Rows of plain values, as `array`."""

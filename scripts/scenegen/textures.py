@@ -21,6 +21,11 @@ class Surface:
     roughness: float | None = None  # Beckmann alpha of a clear coat (index 1.5); None: diffuse
     metal: bool = False  # of that roughness, the texture its reflectance, in place of a coat
 
+    @property
+    def is_mirror(self) -> bool:
+        """Whether pictures are seen in it."""
+        return self.metal and self.roughness is not None and self.roughness < 0.01
+
 
 def srgb(red: float, green: float, blue: float) -> F64:
     """Linear colour of display values 0..255."""

@@ -195,8 +195,11 @@ class Truth:
         self._mi = mi
         bsdfs = {name: _bsdf(mi, surface) for name, surface in looks.surfaces.items()} | dict(more or {})
         scene: dict[str, Any] = {"type": "scene"}
+        self._mirrors: list[Any] = []
         for k, soup in enumerate(looks.soups):
             scene[f"mesh_{k}"] = _mesh(mi, soup, bsdfs[soup.material], f"mesh_{k}")
+            if soup.material in looks.surfaces and looks.surfaces[soup.material].is_mirror:
+                self._mirrors.append(scene[f"mesh_{k}"])
         for k, light in enumerate(lighting.lights):
             scene[f"light_{k}"] = _emitter(mi, light)
         if lighting.environment:
@@ -252,12 +255,21 @@ class Truth:
         return (total / spp).astype(np.float32)
 
     def distance(self, origins: F64, directions: F64) -> F64:
-        """(N,) metres along each ray (N, 3) to the first surface; infinite where there is none."""
+        """(N,) metres along each ray (N, 3) to the first surface, in a mirror to what it shows; infinite where there is
+        none."""
         mi = self._mi
         ray = mi.Ray3f(
             mi.Point3f(origins.T.astype(np.float32).copy()), mi.Vector3f(directions.T.astype(np.float32).copy())
         )
-        return np.array(self._scene.ray_intersect_preliminary(ray).t, dtype=np.float64)
+        if not self._mirrors:
+            return np.array(self._scene.ray_intersect_preliminary(ray).t, dtype=np.float64)
+        met = self._scene.ray_intersect(ray)
+        away = np.array(met.t, dtype=np.float64)
+        shows = np.any([np.array(met.shape == mi.ShapePtr(x)) for x in self._mirrors], axis=0)
+        if shows.any():
+            onward = met.spawn_ray(met.to_world(mi.reflect(met.wi)))
+            away[shows] += np.array(self._scene.ray_intersect_preliminary(onward).t, dtype=np.float64)[shows]
+        return away
 
     def hits(self, origins: F32, directions: F32, reach: F32) -> NDArray[np.bool_]:
         """Whether anything lies along each ray (N, 3) nearer than `reach` (N,)."""

@@ -25,6 +25,16 @@ def test_distances_are_those_of_a_square() -> None:
     assert (found <= true + 1e-5).all() and (found >= true - 0.01).all()
 
 
+def test_in_a_mirror_it_is_as_far_as_from_what_it_mirrors() -> None:
+    """A square at 1.5 before a mirror in z = 0: behind that, points count as turned over; before it as they are."""
+    both = np.concatenate([SQUARE.vertices * 4, SQUARE.vertices + np.array([0, 0, 1.5], np.float32)])
+    room = ProxyMesh(vertices=both, faces=np.concatenate([SQUARE.faces, SQUARE.faces + 4]))
+    mirror = room.with_mirrors(np.array([True, True, False, False]))
+    points = np.array([[0, 0, -1.5], [0.3, 0.2, -1.2], [0, 0, -4.0], [0, 0, 0.7]], np.float32)
+    np.testing.assert_allclose(beyond.distances(points, mirror), [0, 0.3, 2.5, 0.7], atol=0.02)
+    np.testing.assert_allclose(beyond.distances(points, room), [1.5, 1.2, 4.0, 0.7], atol=0.02)
+
+
 def test_everything_is_off_a_proxy_without_area() -> None:
     flat = ProxyMesh(vertices=np.zeros((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32))
     assert np.isinf(beyond.distances(np.ones((2, 3), np.float32), flat)).all()

@@ -69,3 +69,24 @@ def test_it_is_told_how_far_it_is_and_ends_where_a_listener_raises() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         splat_light.places_of(splats, proxy, tracer, None, progress=stop)
+
+
+def test_splats_of_a_room_behind_a_mirror_take_the_light_of_what_it_mirrors() -> None:
+    """A board before a mirror in z = 0, and its splats; and those of its picture, behind the mirror and turned over."""
+    board = np.array([[-0.5, -0.5, 1.0], [0.5, -0.5, 1.4], [0.5, 0.5, 1.4], [-0.5, 0.5, 1.0]], np.float32)
+    pane = np.array([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], np.float32)
+    quad = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    proxy = ProxyMesh(vertices=np.concatenate([board, pane]), faces=np.concatenate([quad[:, ::-1], quad + 4]))
+    proxy = proxy.with_mirrors(np.array([False, False, True, True]))
+    normal = np.array([0.4, 0.0, -1.0]) / np.hypot(0.4, 1.0)  # of the board, to the mirror
+    means = np.random.default_rng(4).uniform(-0.4, 0.4, (50, 3))
+    means[:, 2] = 1.2 + 0.4 * means[:, 0]
+    over = np.array([1.0, 1.0, -1.0])
+    tracer = splat_light.tracer_for(proxy, RenderSettings())
+    true, seen = (
+        splat_light.places_of(splats_at(m, n), proxy, tracer, None)
+        for m, n in ((means, normal), (means * over, normal * over))
+    )
+    assert seen.near == 1
+    np.testing.assert_allclose(seen.points, true.points, atol=1e-5)
+    np.testing.assert_allclose(seen.normals, true.normals, atol=1e-5)

@@ -9,9 +9,10 @@ import mitsuba as mi
 import numpy as np
 
 from mirelight.lighting.kernel.memory import floats, in_fours, integers, rgb
+from mirelight.lighting.kernel.mirrors import FirstHit
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.samples import Tiles, mix
-from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, UInt32, Vector3f
+from mirelight.lighting.kernel.types import Float, Point3f, UInt32
 from mirelight.model import F32, I32
 
 
@@ -44,15 +45,13 @@ class CellPoints:
         """(index, stream) of a sample: each piece has a sequence of its own."""
         return sample, mix(pixel, seed)
 
-    def first_hit(
-        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f, None]:
-        """(True, face, barycentric coordinates, the way there, None)."""
+    def first_hit(self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32) -> FirstHit:
+        """A point of the cell."""
         point = pixel * self.points + (sample + mix(stream, 11)) % self.points
         face = dr.gather(mi.UInt32, self.faces, point)
         corners, way = dr.gather(mi.Point2f, self.corners, point), -rgb(self.normals, point, True)
-        return mi.Bool(face == face), face, corners, way, None
+        return FirstHit(mi.Bool(face == face), face, corners, way)
 
-    def depth(self, p: Point3f) -> Float:
+    def depth(self, p: Point3f, far: None) -> Float:
         """Zero: points on the surface have no depth."""
         return mi.Float(p.x * 0)

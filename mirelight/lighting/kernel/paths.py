@@ -88,11 +88,12 @@ def trace_pass(world: World, view: View, film: Film, job: Pass) -> None:
     """Trace the passes of one launch and add them to the film."""
     steps = _Steps(world, film, job)
     pixel, spot, place, sample, stream = _samples(view, film, job)
-    covered, face, uv, d, crossed = view.first_hit(world.surface, pixel, sample, stream)
+    covered, face, uv, d, crossed, far = view.first_hit(world.surface, pixel, sample, stream)
     active = mi.Bool(covered)
     seen = world.surface.at(face, uv, d, active)
     spot, place = steps.part_of_film(spot, place, face)
-    film.add_surface(spot, steps.shown(seen), view.depth(seen.p), active, None if crossed is None else crossed.cover)
+    cover = None if crossed is None else crossed.cover
+    film.add_surface(spot, steps.shown(seen), view.depth(seen.p, far), active, cover)
 
     depth = mi.UInt32(0)
     sums = film.no_sums()

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.memory import floats, in_fours
+from mirelight.lighting.kernel.mirrors import FirstHit
 from mirelight.lighting.kernel.proxy import DeviceProxy
 from mirelight.lighting.kernel.rays import bounded_ray
 from mirelight.lighting.kernel.samples import Tiles, mix
-from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, UInt32, Vector3f
+from mirelight.lighting.kernel.types import Float, Point3f, UInt32, Vector3f
 from mirelight.model import F32, F64, I32
 
 LIFT = 2.0**-14  # of the largest coordinate: how far before its point a probe's ray starts
@@ -32,23 +33,16 @@ class PointRays:
         """(index, stream) of a sample: each point has a sequence of its own."""
         return sample, mix(pixel, seed)
 
-    def first_hit(
-        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f, None]:
-        """(whether there is one, face, barycentric coordinates, unit way there, None) of a point, in any sample."""
+    def first_hit(self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32) -> FirstHit:
+        """The point, in any sample."""
         o, d = (dr.gather(mi.Vector4f, buffer, pixel) for buffer in (self._points, self._ways))
         way = mi.Vector3f(d.x, d.y, d.z)
         ray = bounded_ray(mi.Point3f(o.x, o.y, o.z), way, self._reach)
         found = surface.nearest(ray, mi.Bool(True), coherent=True)
-        return (
-            mi.Bool(found.is_valid()),
-            mi.UInt32(found.prim_index),
-            mi.Point2f(found.prim_uv),
-            dr.normalize(way),
-            None,
-        )
+        face, uv = mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
+        return FirstHit(mi.Bool(found.is_valid()), face, uv, dr.normalize(way))
 
-    def depth(self, p: Point3f) -> Float:
+    def depth(self, p: Point3f, far: None) -> Float:
         """Zero: points in space have no depth."""
         return mi.Float(p.x * 0)
 
@@ -58,7 +52,7 @@ def materials_at(surface: DeviceProxy, points: F64, normals: F64) -> tuple[F32, 
     if not len(points):
         return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
     pixel = dr.arange(mi.UInt32, len(points))
-    there, face, uv, d, _ = PointRays(points, normals).first_hit(surface, pixel, pixel, pixel)
+    there, face, uv, d, *_ = PointRays(points, normals).first_hit(surface, pixel, pixel, pixel)
     at = surface.at(face, uv, d, there)
     both = dr.select(there, at.albedo, 0), dr.select(there, at.emission, 0)
     dr.eval(both)

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.memory import integers
+from mirelight.lighting.kernel.mirrors import FirstHit, seen_first
 from mirelight.lighting.kernel.samples import Tiles, mix, of_pixel, pair
-from mirelight.lighting.kernel.types import Bool, Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
+from mirelight.lighting.kernel.types import Float, Point2f, Point3f, Ray3f, UInt32, Vector3f
 from mirelight.model import F64, Camera
 
 if TYPE_CHECKING:
     from mirelight.lighting.kernel.proxy import DeviceProxy
-    from mirelight.lighting.kernel.see_through import Passed
 
 
 def bounded_ray(origin: Point3f, d: Vector3f, length: Float) -> Ray3f:
@@ -46,14 +46,9 @@ class CameraRays:
         first, tile = of_pixel(pixel - row * self.width, row, tiles)
         return first + sample, mix(tile, seed)
 
-    def first_hit(
-        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f, Passed | None]:
-        """(whether there is one, face, barycentric coordinates, unit way there, what it went through) of a sample."""
-        primary = self.ray(pixel, pair(sample, stream))
-        found, passed = surface.seen(primary, mi.Bool(True), coherent=True)
-        hit = mi.Bool(found.is_valid())
-        return hit, mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv), dr.normalize(primary.d), passed
+    def first_hit(self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32) -> FirstHit:
+        """What a sample sees."""
+        return seen_first(surface, self.ray(pixel, pair(sample, stream)))
 
     def ray(self, pixel: UInt32, jitter: Point2f) -> Ray3f:
         """Mitsuba's Ray3f through a pixel (row-major index) at `jitter` in [0, 1)² from its corner."""
@@ -67,9 +62,9 @@ class CameraRays:
         o = self.eye + (self.right * x + self.up * y) * spread - self.back * self.near
         return bounded_ray(mi.Point3f(o), d, self.reach)
 
-    def depth(self, p: Point3f) -> Float:
-        """Distance of a point along the view axis."""
-        return -dr.dot(mi.Vector3f(p) - self.eye, self.back)
+    def depth(self, p: Point3f, far: Float | None) -> Float:
+        """Distance along the view axis of a point, or of what is seen `far` behind mirrors."""
+        return -dr.dot(mi.Vector3f(p) - self.eye, self.back) if far is None else self.near + far
 
 
 class SomePixels:
@@ -82,15 +77,13 @@ class SomePixels:
         """(index, stream) of a sample: each pixel has a sequence of its own."""
         return sample, mix(pixel, seed)
 
-    def first_hit(
-        self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32
-    ) -> tuple[Bool, UInt32, Point2f, Vector3f, Passed | None]:
+    def first_hit(self, surface: DeviceProxy, pixel: UInt32, sample: UInt32, stream: UInt32) -> FirstHit:
         """As `CameraRays` does it, for these pixels."""
         return self.rays.first_hit(surface, dr.gather(mi.UInt32, self.pixels, pixel), sample, stream)
 
-    def depth(self, p: Point3f) -> Float:
+    def depth(self, p: Point3f, far: Float | None) -> Float:
         """As `CameraRays` does it, for these pixels."""
-        return self.rays.depth(p)
+        return self.rays.depth(p, far)
 
 
 def _number(value: float) -> Float:

@@ -68,7 +68,7 @@ def sample_sky(
         sample = lane - cell * each
         cell += dr.opaque(mi.UInt32, first)
         stream = mix(cell, mi.UInt32(dr.opaque(mi.UInt32, seed)))
-        _, face, uv, d, _ = points.first_hit(surface, cell, sample, stream)
+        _, face, uv, d, *_ = points.first_hit(surface, cell, sample, stream)
         at = surface.at(face, uv, d, mi.Bool(True))
         even = (mi.Float(sample) + number(sample, stream)) / mi.Float(each)
         choice, times = spread.choice(cell, even, mi.Bool(True))

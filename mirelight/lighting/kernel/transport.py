@@ -29,7 +29,7 @@ def _leaves(
 ) -> tuple[Point, Vector3f, UInt32]:
     """(place, direction, numbers for what follows) of a cell's reflected ray: the same whenever it is asked for."""
     stream = mix(mix(pixel, seed), half)
-    _, face, uv, d, _ = points.first_hit(surface, pixel, sample, stream)
+    _, face, uv, d, *_ = points.first_hit(surface, pixel, sample, stream)
     at = surface.at(face, uv, d, active)
     way = mi.warp.square_to_cosine_hemisphere(pair(sample, mix(stream, 3)))
     return at, mi.Frame3f(at.normal).to_world(way), mix(stream, 5)

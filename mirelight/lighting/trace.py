@@ -168,13 +168,14 @@ class Tracer:
     @property
     def reads_surface(self) -> bool:
         """Whether by the settings a frame's reflected light is to be read from a cache: with "auto" in rooms alone."""
-        return self.settings.indirect == "surface" or (self.settings.indirect == "auto" and self._is_room)
+        return self.settings.indirect == "surface" or (self.settings.indirect == "auto" and self.openness < ROOM)
 
     @cached_property
-    def _is_room(self) -> bool:
+    def openness(self) -> float:
+        """Share of the sky that the surface sees: near 0 in a room, 1 where nothing stands before anything."""
         from mirelight.lighting import cells
 
-        return self._surface is not None and cells.openness(self._surface, self._proxy) < ROOM
+        return 1.0 if self._surface is None else cells.openness(self._surface, self._proxy)
 
     def transport(
         self, cells: SurfaceCells, rays: int = CELL_SAMPLES, progress: CountProgress | None = None

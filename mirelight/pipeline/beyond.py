@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mirelight.base.colour import srgb_encode
 from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.lighting.mirrors import planes_of
 from mirelight.model import F32, F64, Camera, ProxyMesh, SplatLayer, triangles
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _ROWS = 1 << 17  # points at a time
 _MARKS = 400_000  # points on the proxy that distances are measured to
+ROOM = 0.15  # of the sky, that a room's surface sees at most: own proxies of rooms 0.04 to 0.12, a courtyard 0.17
+_BRIGHT, _WHITE = 0.8, 0.9  # display values: a room's pixels past the proxy are no sky below, and are from here on
 _ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's longer side: up to here on, from here off
 
 
@@ -62,8 +65,13 @@ def off_proxy(seen: F64) -> F64:
     return np.asarray(t * t * (3 - 2 * t))
 
 
-def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool, diffuse: bool = False) -> SplatLayer:
+def composite(
+    compositor: Compositor, camera: Camera, away: F32, *, depth: bool, diffuse: bool = False, room: bool = False
+) -> SplatLayer:
     """The splats as a camera sees them, with those told apart that lie off the proxy (`beyond`).
+
+    A room's walls are behind all that is in it, so past its proxy are windows alone. Splats of a white sky hang before
+    and between the bars, as nothing tells how far it is: what is white counts as off the proxy there.
 
     Args:
         compositor: of N splats.
@@ -71,6 +79,7 @@ def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool,
         away: (N,) their distance to the proxy.
         depth: as for :meth:`mirelight.compositor.Compositor.composite`.
         diffuse: as there.
+        room: whether the proxy is one.
 
     Raises:
         RenderError: as there.
@@ -78,9 +87,24 @@ def composite(compositor: Compositor, camera: Camera, away: F32, *, depth: bool,
     ahead = (camera.position - compositor.splats.means.astype(np.float64)) @ camera.world_from_camera[:3, 2]
     unit = 1.0 if camera.projection == "orthographic" else np.maximum(ahead, 1e-9)
     off = off_proxy(away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height))
-    values = np.stack([off, off * np.maximum(ahead, 0)], axis=1).astype(np.float32)
+    depths = np.maximum(ahead, 0)
+    values = np.stack([off, off * depths, depths], axis=1)[:, : 3 if room else 2].astype(np.float32)
     layer, sums = compositor.composite_with(camera, values, depth=depth, diffuse=diffuse)
     alpha = 1 - layer.transmittance
     share = np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1)
-    beyond = np.stack([share, sums[..., 1] / np.maximum(sums[..., 0], 1e-9)], axis=-1)
-    return replace(layer, beyond=beyond.astype(np.float32))
+    depth_off = sums[..., 1] / np.maximum(sums[..., 0], 1e-9)
+    if room:
+        more = np.maximum(_white(layer) - share, 0)
+        mean = sums[..., 2] / np.maximum(alpha, 1e-6)
+        depth_off = (share * depth_off + more * mean) / np.maximum(share + more, 1e-9)
+        share = share + more
+    return replace(layer, beyond=np.stack([share, depth_off], axis=-1).astype(np.float32))
+
+
+def _white(layer: SplatLayer) -> F32:
+    """(H, W) 0..1 how white pixels are."""
+    alpha = np.maximum(1 - layer.transmittance, np.float32(1e-6))
+    shown = layer.color.min(axis=-1) / alpha
+    if layer.linear:
+        shown = srgb_encode(np.clip(shown, 0, 1))
+    return np.asarray(np.clip((shown - _BRIGHT) / (_WHITE - _BRIGHT), 0, 1), np.float32)

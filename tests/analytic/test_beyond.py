@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mirelight.base.colour import srgb_decode
+from mirelight.base.sh import C0
 from mirelight.compositor import Compositor
 from mirelight.model import Camera, CompositorSettings, ProxyMesh, SplatCloud
 from mirelight.pipeline import beyond
@@ -38,6 +40,33 @@ def test_in_a_mirror_it_is_as_far_as_from_what_it_mirrors() -> None:
 def test_everything_is_off_a_proxy_without_area() -> None:
     flat = ProxyMesh(vertices=np.zeros((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32))
     assert np.isinf(beyond.distances(np.ones((2, 3), np.float32), flat)).all()
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_what_is_white_past_a_room_is_its_windows(linear: bool) -> None:
+    """Gray splats on the left half of the square, white ones beside it in its plane, none of them off it."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 40), np.linspace(-1, 1, 40)))
+    means = np.concatenate([np.stack([x - 1, y, 0 * x], axis=1), np.stack([x + 1, y, 0 * x], axis=1)])
+    shown = np.repeat(np.array([0.5, 1.0], np.float32), len(x))
+    cloud = SplatCloud(
+        means=means.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (len(means), 1)),
+        scales=np.full((len(means), 3), 0.05, np.float32),
+        opacities=np.full(len(means), 0.95, np.float32),
+        sh=((srgb_decode(shown) if linear else shown)[:, None, None] - 0.5).repeat(3, axis=2) / np.float32(C0),
+        color_space="lin_rec709_display" if linear else "srgb_rec709_display",
+    )
+    camera = Camera.look_at((0, 0, 4), (0, 0, 0), 32, 24, yfov=20)
+    compositor, away = Compositor(cloud), np.zeros(len(means), np.float32)
+    room, yard = (beyond.composite(compositor, camera, away, depth=False, room=x) for x in (True, False))
+    np.testing.assert_array_equal(room.color, yard.color)
+    assert room.beyond is not None and yard.beyond is not None
+    assert not yard.beyond[..., 0].any()
+    assert room.beyond[:, :14, 0].max() == 0
+    assert room.beyond[:, 18:, 0].min() == 1
+    np.testing.assert_allclose(
+        room.beyond[:, 18:, 1], 4, rtol=1e-3
+    )  # where they are: before a wall they are the wall's
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])

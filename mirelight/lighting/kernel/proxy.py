@@ -45,7 +45,6 @@ from mirelight.lighting.materials import (
 )
 from mirelight.model import F32, ProxyMesh
 
-
 SILVER = 0.9  # what a mirror throws back, and where light that bounces meets it, to all sides
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _ROWS = 1 << 17  # points at a time
 _MARKS = 400_000  # points on the proxy that distances are measured to
 ROOM = 0.15  # of the sky, that a room's surface sees at most: own proxies of rooms 0.04 to 0.12, a courtyard 0.17
-_BRIGHT, _WHITE = 0.8, 0.9  # display values: a room's pixels past the proxy are no sky below, and are from here on
+_BRIGHT, WHITE = 0.8, 0.9  # display values: a room's pixels past the proxy are no sky below, and are from here on
 _ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's longer side: up to here on, from here off
 
 
@@ -107,4 +107,4 @@ def _white(layer: SplatLayer) -> F32:
     shown = layer.color.min(axis=-1) / alpha
     if layer.linear:
         shown = srgb_encode(np.clip(shown, 0, 1))
-    return np.asarray(np.clip((shown - _BRIGHT) / (_WHITE - _BRIGHT), 0, 1), np.float32)
+    return np.asarray(np.clip((shown - _BRIGHT) / (WHITE - _BRIGHT), 0, 1), np.float32)

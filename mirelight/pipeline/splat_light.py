@@ -24,6 +24,7 @@ from mirelight.model import (
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import requirements
 from mirelight.pipeline.artefact_cache import made_once
+from mirelight.pipeline.beyond import ROOM
 from mirelight.pipeline.codecs import array_of
 from mirelight.pipeline.far_splats import FarSplats
 from mirelight.pipeline.prepared import Prepared
@@ -150,7 +151,8 @@ class SplatLight:
     def _far(self) -> FarSplats:
         scene = self._scene
         assert scene.splats is not None
-        return FarSplats(scene.splats, scene.splat_distances, scene.job.capture_cameras)
+        room = self.tracer.sight() if self.tracer.openness < ROOM else None
+        return FarSplats(scene.splats, scene.splat_distances, scene.job.capture_cameras, room)
 
     @property
     def _without_sky(self) -> SplatLight:

@@ -11,7 +11,21 @@ import mirelight
 from mirelight.apps import bake
 from mirelight.apps.mixer.layers import make
 from mirelight.base.conventions import unit
-from mirelight.model import Camera, Deferred, Environment, Frame, Job, Lighting, RelightSettings, SplatCloud, SunLight
+from mirelight.base.sh import C0
+from mirelight.lighting.sight import Sight
+from mirelight.model import (
+    Camera,
+    Deferred,
+    Environment,
+    Frame,
+    Job,
+    Lighting,
+    ProxyMesh,
+    RelightSettings,
+    SplatCloud,
+    SunLight,
+)
+from mirelight.pipeline.far_splats import FarSplats
 from mirelight.pipeline.keys import Keys
 from mirelight.pipeline.scene import prepare
 from mirelight.pipeline.splat_light import SplatLight
@@ -149,3 +163,24 @@ def test_a_frames_key_knows_what_its_sky_is_read_from(change: str) -> None:
     moved = replace(own, capture_cameras=(replace(SEEN_FROM, name="other").resized(24, 16),))
     other = moved if change == "cameras of the capture" else job(new, settings=replace(FOLLOWS, background=1.0))
     assert Keys(own).frame(SEEN_FROM, new) != Keys(other).frame(SEEN_FROM, new)
+
+
+def test_white_splats_in_the_windows_of_a_room_are_sky_however_near_they_hang() -> None:
+    """Walls on three sides of the eye; splats where the fourth would be, white and gray, and a white one on a wall."""
+    wall = np.array([[-2, 0, -2], [2, 0, -2], [2, 3, -2], [-2, 3, -2]], np.float32)
+    turned = [wall @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]], np.float32) for c, s in ((1, 0), (0, 1), (0, -1))]
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(3)]).astype(np.int32)
+    room = ProxyMesh(vertices=np.concatenate(turned).astype(np.float32), faces=faces)
+    shown = np.array([1.0, 0.6, 1.0], np.float32)
+    splats = SplatCloud(
+        means=np.array([[0.3, 1.5, 1.99], [-0.3, 1.5, 1.99], [0, 1.5, -1.99]], np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (3, 1)),
+        scales=np.full((3, 3), 0.05, np.float32),
+        opacities=np.full(3, 0.9, np.float32),
+        sh=((shown - 0.5) / np.float32(C0))[:, None, None].repeat(3, axis=2),
+    )
+    eye = Camera.look_at((0, 1.5, 0), (0, 1.5, 1), 8, 8, yfov=60)
+    on_proxy, far = np.full((3, 3), 5, np.float32), np.full((128, 256, 3), 0.25, np.float32)
+    seen = FarSplats(splats, np.zeros(3, np.float32), [eye], Sight(room)).on(on_proxy, far)
+    np.testing.assert_allclose(seen[:, 0], [0.25, 5, 5], rtol=1e-5)
+    np.testing.assert_array_equal(FarSplats(splats, np.zeros(3, np.float32), [eye]).on(on_proxy, far), on_proxy)

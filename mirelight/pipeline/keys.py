@@ -81,8 +81,11 @@ class Keys(SceneKeys):
             return "no splats"
         wanted = requirements.wants_depth(job), requirements.wants_diffuse(job)
         settings = reads.read(job.compositor, reads.compositor_reads(job.compositor)), *wanted
-        asked = self.splat_distances, requirements.follows_engine(job)
-        beyond = ["off the proxy", *asked] if requirements.wants_beyond(job) else []
+        beyond = (
+            ["off the proxy", self.splat_distances, requirements.follows_engine(job)]
+            if requirements.wants_beyond(job)
+            else []
+        )
         versions = self._versions("drjit", "llvm")
         return digest("composite", job.splats.digest, settings, versions, job.render.variant, *beyond)
 

@@ -54,13 +54,13 @@ def test_a_mirror_shows_the_light_of_what_it_mirrors_where_that_seems_to_lie() -
 
 
 def test_inserted_objects_are_seen_in_it() -> None:
-    """The post as an object, its faces last."""
+    """The post as an object, its faces last, and many times as there."""
     board, post = things(), things()
-    board, post = replace(board, faces=board.faces[:2]), replace(post, faces=post.faces[2:])
+    board, post = replace(board, faces=board.faces[:2]), replace(post, faces=np.tile(post.faces[2:], (40, 1)))
     lamp = PointLight(name="lamp", position=np.array([0.6, 1.2, 3.9]), intensity=9.0)
     seen, truth = (
         Tracer(
-            join(room, thing).with_mirrors(np.arange(len(room.faces) + 2) // 2 == (1 if mirror else -1)),
+            join(room, thing).with_mirrors(np.arange(len(room.faces) + 80) // 2 == (1 if mirror else -1)),
             RenderSettings(spp=64, max_depth=1),
             aovs=False,
             first_inserted=len(room.faces),

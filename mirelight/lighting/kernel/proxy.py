@@ -114,11 +114,10 @@ class DeviceProxy:
         self.plain_below = self.has_objects and is_plain(proxy, below)
         self.coated, self.glassy = (self.has_objects and there(proxy) for there in (has_coats, has_glass))
         self.cut_out = self.has_objects and (has_cutouts(proxy) or self.glassy)
-        mirrors = proxy.mirrors
-        self.has_mirrors = mirrors is not None
-        self.mirrors = integers(
-            np.append(False if mirrors is None else mirrors[:first_inserted], (0, 0)).astype(np.int32)
-        )
+        mirrors = np.append(np.zeros(0) if proxy.mirrors is None else proxy.mirrors, (0, 0)).astype(np.int32)
+        mirrors[first_inserted if self.has_objects else len(mirrors) :] = 0  # objects mirror by their materials
+        self.has_mirrors = bool(mirrors.any())
+        self.mirrors = integers(mirrors)
 
     def recolor(self, vertex_colors: F32) -> None:
         """Other vertex colours for a mesh that has some."""

@@ -84,7 +84,34 @@ def _mirroring(views: Sequence[DepthMap], flat: Flat, side: float, spacing: floa
     certain = (better & (asked > TUNING.mirror_asked))[part] & (part > 0)
     changing = binary_opening((_changes(views, flat, spacing) > TUNING.mirror_changes) & often)
     part, _ = label(binary_closing(np.pad(changing | certain, 3), iterations=2)[3:-3, 3:-3])
-    return np.asarray(binary_fill_holes(np.isin(part, np.unique(part[certain]))) if certain.any() else certain)
+    out = np.zeros(shape, bool)
+    for k in np.unique(part[certain]):
+        out |= straight(binary_fill_holes(part == k))
+    return out
+
+
+def straight(cells: Bool) -> Bool:
+    """(I, J) cells as a rectangle, where they are one but for corners that few pictures show."""
+    place = np.argwhere(cells) + 0.5
+    every = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in cells.shape), indexing="ij"), axis=-1)
+    best, found = 0.0, cells
+    for angle in np.radians(np.arange(0, 90, TUNING.mirror_turn)):
+        axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        low, high = np.array([_held(x) for x in axes @ place.T]).T
+        inside = ((place @ axes.T > low) & (place @ axes.T < high)).all(axis=1).mean()
+        area = max(float(np.prod(high - low)), 1.0) / len(place)
+        alike = inside / (area + 1 - inside)  # what both have, of what either has
+        if inside > TUNING.mirror_inside and alike > max(TUNING.mirror_filled, best):
+            best, found = alike, ((every @ axes.T > low) & (every @ axes.T < high)).all(axis=-1)
+    return found
+
+
+def _held(along: F64) -> tuple[float, float]:
+    """From where to where there are at least half as many of values (N,) as anywhere in a step of 1."""
+    first = np.floor(along.min())
+    count = np.bincount((np.floor(along) - first).astype(np.int64))
+    there = np.flatnonzero(count >= 0.5 * count.max())
+    return float(first + there[0]), float(first + there[-1] + 1)
 
 
 def _framed(cells: Bool, there: Bool) -> Int:

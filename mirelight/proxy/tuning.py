@@ -62,6 +62,9 @@ class Tuning:
     mirror_shift: float = 12.0  # how far off a plane is at which that agrees by chance; nearer to it nothing tells
     mirror_alike: float = 0.3  # share that agrees, less that by chance: 0.4 to 0.6 in a mirror, else below 0.1
     mirror_asked: float = 40.0  # pixels that tell, by their trust
+    mirror_turn: int = 3  # degrees between the rectangles that are tried
+    mirror_inside: float = 0.96  # share of the cells that lie in a rectangle: of a round mirror 0.92
+    mirror_filled: float = 0.85  # share of both that is in both
     mirror_changes: float = 0.045  # display values, deviation from picture to picture: 0.006 to 0.03 on walls
 
     # planes of the whole surface (`flats`)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera, ProxyMesh, triangles
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat
-from mirelight.proxy.mirrors import mirroring, mirrors_of
+from mirelight.proxy.mirrors import mirroring, mirrors_of, straight
 from mirelight.proxy.views import rays
 
 SPACING = 0.05
@@ -124,6 +125,19 @@ def test_where_somebody_stood_behind_the_wall_there_is_a_doorway() -> None:
     assert mirrors_of(views, [flat()], SPACING)
     behind = replace(views[0], camera=Camera.look_at((0, 1.2, -1.0), (0, 1.2, -3), 120, 80, yfov=65))
     assert not mirrors_of([*views, behind], [flat()], SPACING)
+
+
+@pytest.mark.parametrize("degrees", [0, 30])
+def test_a_rectangle_gets_its_corners_and_a_round_mirror_stays_round(degrees: float) -> None:
+    x, y = np.meshgrid(np.arange(60) - 29.5, np.arange(60) - 29.5, indexing="ij")
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    u, v = c * x + s * y, c * y - s * x
+    whole = (np.abs(u) < 9) & (np.abs(v) < 14)
+    worn = whole & (u - v < 15)  # but for a corner
+    made = straight(worn)
+    assert (made ^ whole).sum() < 0.03 * whole.sum() < (worn ^ whole).sum()
+    disc = x * x + y * y < 15**2
+    np.testing.assert_array_equal(straight(disc), disc)
 
 
 def test_faces_in_the_mirror_are_known() -> None:

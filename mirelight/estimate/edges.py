@@ -162,8 +162,12 @@ def spoken(close: Close, rng: np.random.Generator) -> Spoken:
     def losses(near: F64) -> F64:
         return -_scores(every.said(near), spread)
 
-    ways, least = directions[chosen], losses(directions[chosen])
+    ways, least, fine = directions[chosen], losses(directions[chosen]), sphere(TUNING.edge_fine)
     for k in np.argsort(least, kind="stable")[: TUNING.edge_refined]:
+        around = fine[fine @ ways[k] > TUNING.edge_around]  # through bars edges speak for a sun within a degree of it
+        start = around[int(np.argmax(_scores(few.said(around), spread)))]
+        if float(losses(start[None])[0]) < least[k]:
+            ways[k] = start
         ways[k], least[k] = refined(losses, ways[k], TUNING.edge_steps, 3)
     kept = apart(ways, least, len(ways), TUNING.edge_apart)
     return Spoken(ways[kept], -least[kept], every, spread)

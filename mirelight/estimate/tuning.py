@@ -150,6 +150,8 @@ class Tuning:
     edge_every: int = 25  # every such one of them is asked about all places, for what directions at random have
     edge_tried: int = 24  # directions that are asked about all places
     edge_refined: int = 4  # of these, that are moved to where edges say most
+    edge_fine: int = 40000  # over the whole sphere: 1 degree apart
+    edge_around: float = cos(radians(4.5))  # from those that are moved, within which they are tried first
     edge_steps: tuple[float, ...] = (2.0, 1.0, 0.5)  # degrees, of that
     edge_apart: float = cos(radians(6.0))  # between two of these
 

@@ -119,9 +119,11 @@ class Spoken:
         return _scores(self.edges.said(ways), self.spread)
 
     def beaten(self, way: F64) -> float:
-        """By how much edges speak rather for the likeliest sun elsewhere than for one in a direction (3,); below 0:
-        they speak for this one."""
-        return -self._lead(way, float(self.score(way[None])[0]))
+        """By how much edges speak rather for the likeliest sun elsewhere than for one in a direction (3,), or for the
+        likeliest one beside that, as those elsewhere were moved to where they are likeliest; below 0: they speak for
+        this one."""
+        beside = self.scores[self.ways @ way > TUNING.edge_apart]
+        return -self._lead(way, float(np.append(beside, self.score(way[None])).max()))
 
     def _lead(self, way: F64, score: float) -> float:
         """By how much a direction (3,) of that score leads the likeliest sun elsewhere."""

@@ -188,20 +188,15 @@ def regions_of(mesh: ProxyMesh, seed: int = 0) -> tuple[I32, tuple[str, ...]]:
     return regions.astype(np.int32).ravel(), tuple(f"part {k + 1}" for k in range(len(there)))
 
 
+def _of(found: Finish, material: Material) -> Material:
+    """A material that is made so; a mirror stays one."""
+    if material.is_mirror:
+        return material
+    return replace(material, name=found.name, roughness=found.roughness, metallic=found.metallic, finish_texture=None)
+
+
 def finished(mesh: ProxyMesh, regions: I32, found: Sequence[Finish]) -> ProxyMesh:
     """The mesh with what its regions (F,) are made of; what else its materials say stays."""
-    owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
-    pairs, which = np.unique(np.stack([regions, owners]), axis=1, return_inverse=True)
-    materials = tuple(
-        mesh.materials[owner]
-        if mesh.materials[owner].is_mirror
-        else replace(
-            mesh.materials[owner],
-            name=found[region].name,
-            roughness=found[region].roughness,
-            metallic=found[region].metallic,
-            finish_texture=None,
-        )
-        for region, owner in pairs.T
-    )
+    pairs, which = np.unique(np.stack([regions, mesh.owners]), axis=1, return_inverse=True)
+    materials = tuple(_of(found[region], mesh.materials[owner]) for region, owner in pairs.T)
     return replace(mesh, materials=materials, face_materials=which.ravel().astype(np.int32))

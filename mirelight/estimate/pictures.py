@@ -57,9 +57,10 @@ def finish_sheet(mesh: ProxyMesh, light: Lighting, camera: Camera, settings: Ren
     ways = np.ascontiguousarray(ways.reshape(-1, 3))
     starts = np.ascontiguousarray(np.broadcast_to(origins.reshape(-1, 3), ways.shape))
     face, _ = tracer.sight().first_hits(starts, ways)
-    owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
     colors = np.array([(1 - x.roughness) * (_METAL if x.metallic else _COAT) for x in mesh.materials])
-    gloss = np.where((face >= 0)[:, None], _MATT + colors[owners[face]], 0.0).reshape(camera.height, camera.width, 3)
+    gloss = np.where((face >= 0)[:, None], _MATT + colors[mesh.owners[face]], 0.0).reshape(
+        camera.height, camera.width, 3
+    )
     parts = (matt.albedo, gloss.astype(np.float32), mirrored.beauty)
     return np.concatenate([_shown(x) for x in parts], axis=1)
 

@@ -102,13 +102,12 @@ def pack_glow(proxy: ProxyMesh) -> Glow:
 
 def _brightness(proxy: ProxyMesh) -> F64:
     """(F,) mean radiance over channels and over each face."""
-    owner = np.zeros(len(proxy.faces), np.int64) if proxy.face_materials is None else proxy.face_materials
-    out = np.asarray([m.emissive.mean() for m in proxy.materials])[owner]
+    out = np.asarray([m.emissive.mean() for m in proxy.materials])[proxy.owners]
     if proxy.uvs is None:
         return out
     for index, material in enumerate(proxy.materials):
         if material.emissive_texture is not None and _glows(material):
-            faces = np.flatnonzero(owner == index)
+            faces = np.flatnonzero(proxy.owners == index)
             seen = (material.emissive_texture @ material.emissive.astype(np.float32)) / np.float32(3)
             out[faces] = _face_means(seen, material.emissive_wrap, proxy.uvs[proxy.faces[faces]])
     return out

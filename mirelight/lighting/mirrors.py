@@ -21,15 +21,19 @@ class MirrorPlane:
 
     def behind(self, points: F64) -> NDArray[np.bool_]:
         """(N,) which points (N, 3) lie behind it."""
-        return np.asarray(points @ self.normal < self.offset)
+        return self._before(points) < 0
 
     def points(self, points: F64) -> F64:
         """(N, 3) points turned over."""
-        return points - 2 * (points @ self.normal - self.offset)[:, None] * self.normal
+        return points - 2 * self._before(points)[:, None] * self.normal
 
     def axes(self, axes: F64) -> F64:
         """(N, 3, 3) directions turned over, the columns."""
         return np.asarray(axes - 2 * self.normal[:, None] * np.einsum("i,nij->nj", self.normal, axes)[:, None, :])
+
+    def _before(self, points: F64) -> F64:
+        """(N,) how far points (N, 3) lie before it."""
+        return np.asarray(np.einsum("nk,k->n", points, self.normal)) - self.offset
 
 
 def planes_of(proxy: ProxyMesh) -> list[MirrorPlane]:

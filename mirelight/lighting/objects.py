@@ -74,8 +74,7 @@ def _with_own_colors(mesh: ProxyMesh) -> ProxyMesh:
     if mesh.albedo is not None:
         colors = np.broadcast_to(mesh.albedo.astype(np.float32), mesh.vertices.shape)
         materials = tuple(replace(m, base_color=np.ones(3), base_color_texture=None) for m in materials)
-    owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
-    return replace(mesh, vertex_colors=colors, materials=materials, face_materials=owners, albedo=None)
+    return replace(mesh, vertex_colors=colors, materials=materials, face_materials=mesh.owners, albedo=None)
 
 
 def joined(meshes: Sequence[ProxyMesh]) -> ProxyMesh:

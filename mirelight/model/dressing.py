@@ -61,7 +61,7 @@ class Dress:
             chosen &= ~mesh.mirrors
         if self.name is not None:
             named = np.array([x.name == self.name for x in mesh.materials])
-            chosen &= named[0 if mesh.face_materials is None else mesh.face_materials]
+            chosen &= named[mesh.owners]
         corners = mesh.vertices[mesh.faces]
         if self.mask is not None:
             assert painted is not None
@@ -92,7 +92,7 @@ def dressed(
         InputError: one speaks of no face of the mesh, whose file is `source`.
     """
     materials = list(mesh.materials)
-    owner = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials.copy()
+    owner = mesh.owners.copy()
     for dress in dresses:
         chosen = dress.faces(mesh, painted)
         if not chosen.any():

@@ -186,7 +186,7 @@ class ProxyMesh(ArrayHolder):
         kinds = np.array([x.is_mirror for x in self.materials])
         if not kinds.any():
             return None
-        found: NDArray[np.bool_] = kinds[self._owners]
+        found: NDArray[np.bool_] = kinds[self.owners]
         return found if found.any() else None
 
     def with_mirrors(self, faces: NDArray[np.bool_]) -> ProxyMesh:
@@ -194,11 +194,11 @@ class ProxyMesh(ArrayHolder):
         if not faces.any():
             return self
         mirror = Material(name=MIRROR, metallic=1.0, roughness=0.0)
-        owners = np.where(faces, len(self.materials), self._owners).astype(np.int32)
+        owners = np.where(faces, len(self.materials), self.owners).astype(np.int32)
         return replace(self, materials=(*self.materials, mirror), face_materials=owners)
 
     @property
-    def _owners(self) -> I32:
+    def owners(self) -> I32:
         """(F,) index of each face's material."""
         return np.zeros(len(self.faces), np.int32) if self.face_materials is None else self.face_materials
 

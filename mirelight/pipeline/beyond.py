@@ -18,10 +18,11 @@ from mirelight.model import F32, F64, Camera, ProxyMesh, SplatLayer, triangles
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
+    from mirelight.lighting import EngineTracer, Tracer
 
 _ROWS = 1 << 17  # points at a time
 _MARKS = 400_000  # points on the proxy that distances are measured to
-ROOM = 0.15  # of the sky, that a room's surface sees at most: own proxies of rooms 0.04 to 0.12, a courtyard 0.17
+_ENCLOSED = 0.15  # of the sky, that a room's surface sees at most: own proxies of rooms 0.04 to 0.12, a courtyard 0.17
 _BRIGHT, WHITE = 0.8, 0.9  # display values: a room's pixels past the proxy are no sky below, and are from here on
 _ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's longer side: up to here on, from here off
 
@@ -99,6 +100,13 @@ def composite(
         depth_off = (share * depth_off + more * mean) / np.maximum(share + more, 1e-9)
         share = share + more
     return replace(layer, beyond=np.stack([share, depth_off], axis=-1).astype(np.float32))
+
+
+def is_room(tracer: Tracer | EngineTracer) -> bool:
+    """Whether a proxy is a room, as the path tracer sees it; by the engine's light it is not asked."""
+    from mirelight.lighting import Tracer
+
+    return isinstance(tracer, Tracer) and tracer.openness < _ENCLOSED
 
 
 def _white(layer: SplatLayer) -> F32:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mirelight.base.colour import srgb_decode
 from mirelight.base.conventions import unit
-from mirelight.base.sh import C0
+from mirelight.base.sh import mean_display
 from mirelight.lighting.sight import Sight
 from mirelight.model import F32, F64, Camera, SplatCloud
 from mirelight.pipeline.beyond import WHITE, off_proxy
@@ -54,8 +54,7 @@ class FarSplats:
 
 def _in_windows(splats: SplatCloud, way: F64, room: Sight) -> NDArray[np.bool_]:
     """(N,) which splats are white and seen where nothing of a room is, along ways (N, 3) from one place in it."""
-    base = splats.light(0.5 + C0 * splats.sh[:, 0])
-    out = base.min(axis=1) > srgb_decode(WHITE)
+    out = splats.light(mean_display(splats.sh)).min(axis=1) > srgb_decode(WHITE)
     some = np.flatnonzero(out)
     eye = splats.means[some].astype(np.float64) - way[some]
     out[some] = ~room.blocked(eye, way[some])

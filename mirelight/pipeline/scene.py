@@ -297,15 +297,8 @@ class Scene(Prepared):
         diffuse = requirements.wants_diffuse(self.job)
         if not requirements.wants_beyond(self.job):
             return compositor.composite(camera, depth=depth, diffuse=diffuse)
-        away, room = self.splat_distances, self._is_room
+        away, room = self.splat_distances, beyond.is_room(self.tracer)
         return beyond.composite(compositor, camera, away, depth=depth, diffuse=diffuse, room=room)
-
-    @property
-    def _is_room(self) -> bool:
-        """Whether the proxy is a room, as the path tracer sees it; by the engine's light it is not asked."""
-        from mirelight.lighting import Tracer
-
-        return isinstance(self.tracer, Tracer) and self.tracer.openness < beyond.ROOM
 
     def far(self, lighting: Lighting) -> relighting.Far | None:
         """What a lighting and the captured light have far away, for splats there; None where frames do not ask."""

@@ -24,7 +24,7 @@ from mirelight.model import (
 from mirelight.model.unit_lights import GLOW, LightSet, Unit
 from mirelight.pipeline import requirements
 from mirelight.pipeline.artefact_cache import made_once
-from mirelight.pipeline.beyond import ROOM
+from mirelight.pipeline.beyond import is_room
 from mirelight.pipeline.codecs import array_of
 from mirelight.pipeline.far_splats import FarSplats
 from mirelight.pipeline.prepared import Prepared
@@ -151,7 +151,7 @@ class SplatLight:
     def _far(self) -> FarSplats:
         scene = self._scene
         assert scene.splats is not None
-        room = self.tracer.sight() if self.tracer.openness < ROOM else None
+        room = self.tracer.sight() if is_room(self.tracer) else None
         return FarSplats(scene.splats, scene.splat_distances, scene.job.capture_cameras, room)
 
     @property

@@ -142,7 +142,7 @@ def make(
 def _placed(soup: Soup, mirrors: Sequence[Flat], capture: Capture) -> ProxyMesh:
     """A surface in world space, its mirrors known."""
     placed = Soup(soup.vertices + capture.middle, soup.faces).mesh()
-    return placed.with_mirrors(mirroring(soup.mesh(), mirrors, capture.spacing))
+    return placed.with_mirrors(mirroring(soup, mirrors, capture.spacing)) if mirrors else placed
 
 
 def refuse_fog(splats: SplatCloud, source: str | Path, progress: ShareProgress = quiet) -> None:

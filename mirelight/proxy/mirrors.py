@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.together import each
-from mirelight.model import F32, F64, ProxyMesh
+from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.flats import Flat
+from mirelight.proxy.mirror_tuning import MIRRORS
 from mirelight.proxy.openings import looked_at
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Int
+from mirelight.proxy.types import Int, Soup
 from mirelight.proxy.views import dot, rays
 
 Bool = NDArray[np.bool_]
@@ -47,15 +48,15 @@ def mirrors_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float)
     return found
 
 
-def mirroring(mesh: ProxyMesh, mirrors: Sequence[Flat], spacing: float) -> Bool:
-    """(F,) which faces of a mesh lie in mirrors.
+def mirroring(soup: Soup, mirrors: Sequence[Flat], spacing: float) -> Bool:
+    """(F,) which faces of a surface lie in mirrors.
 
     Args:
-        mesh: in the space of the mirrors.
+        soup: in the space of the mirrors.
         mirrors: as :func:`mirrors_of` finds them.
         spacing: of the splats, world units.
     """
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    corners = soup.vertices[soup.faces]
     out = np.zeros(len(corners), bool)
     for flat in mirrors:
         near = (np.abs(flat.off(corners)) < TUNING.plane_tolerance * spacing).all(axis=1)
@@ -73,16 +74,16 @@ def _mirroring(views: Sequence[DepthMap], flat: Flat, side: float, spacing: floa
 
     shape = flat.there.shape
     seen, through = np.sum(each(lambda view: _seen(view, flat, spacing), views), axis=0).reshape(2, *shape)
-    often = seen >= TUNING.mirror_seen
-    part = _framed(binary_opening((through > TUNING.mirror_through * seen) & often), flat.there)
+    often = seen >= MIRRORS.mirror_seen
+    part = _framed(binary_opening((through > MIRRORS.mirror_through * seen) & often), flat.there)
     if not part.any():
         return part > 0
     before = _Before.of(views, flat, side, spacing)
     told = np.sum(each(lambda view: _told(view, flat, part > 0, before, spacing), views), axis=0).reshape(4, *shape)
     asked, alike, *chance = (np.atleast_1d(sum_labels(x, part, np.arange(part.max() + 1))) for x in told)
-    better = alike - np.maximum(*chance) > TUNING.mirror_alike * asked
-    certain = (better & (asked > TUNING.mirror_asked))[part] & (part > 0)
-    changing = binary_opening((_changes(views, flat, spacing) > TUNING.mirror_changes) & often)
+    better = alike - np.maximum(*chance) > MIRRORS.mirror_alike * asked
+    certain = (better & (asked > MIRRORS.mirror_asked))[part] & (part > 0)
+    changing = binary_opening((_changes(views, flat, spacing) > MIRRORS.mirror_changes) & often)
     part, _ = label(binary_closing(np.pad(changing | certain, 3), iterations=2)[3:-3, 3:-3])
     out = np.zeros(shape, bool)
     for k in np.unique(part[certain]):
@@ -95,14 +96,16 @@ def straight(cells: Bool) -> Bool:
     place = np.argwhere(cells) + 0.5
     every = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in cells.shape), indexing="ij"), axis=-1)
     best, found = 0.0, cells
-    for angle in np.radians(np.arange(0, 90, TUNING.mirror_turn)):
+    for angle in np.radians(np.arange(0, 90, MIRRORS.mirror_turn)):
         axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-        low, high = np.array([_held(x) for x in axes @ place.T]).T
-        inside = ((place @ axes.T > low) & (place @ axes.T < high)).all(axis=1).mean()
+        along = np.einsum("ni,ki->nk", place, axes)
+        low, high = np.array([_held(x) for x in along.T]).T
+        inside = ((along > low) & (along < high)).all(axis=1).mean()
         area = max(float(np.prod(high - low)), 1.0) / len(place)
         alike = inside / (area + 1 - inside)  # what both have, of what either has
-        if inside > TUNING.mirror_inside and alike > max(TUNING.mirror_filled, best):
-            best, found = alike, ((every @ axes.T > low) & (every @ axes.T < high)).all(axis=-1)
+        if inside > MIRRORS.mirror_inside and alike > max(MIRRORS.mirror_filled, best):
+            along = np.einsum("ijm,km->ijk", every, axes)
+            best, found = alike, ((along > low) & (along < high)).all(axis=-1)
     return found
 
 
@@ -123,7 +126,7 @@ def _framed(cells: Bool, there: Bool) -> Int:
     for k in range(1, count + 1):
         own = part == k
         rim = binary_dilation(own, iterations=2) & ~own
-        if own.sum() >= TUNING.mirror_cells and there[rim].mean() > TUNING.mirror_framed:
+        if own.sum() >= MIRRORS.mirror_cells and there[rim].mean() > MIRRORS.mirror_framed:
             out[own] = k
     return out
 
@@ -132,7 +135,7 @@ def _seen(view: DepthMap, flat: Flat, spacing: float) -> F64:
     """(2, N) of a plane's cells: 1 where a view sees one, 1 where it sees what lies behind."""
     rows, _, off = _unhidden(view, flat, spacing)
     out = np.zeros((2, flat.there.size))
-    out[0, rows], out[1, rows] = 1, off > TUNING.mirror_behind
+    out[0, rows], out[1, rows] = 1, off > MIRRORS.mirror_behind
     return out
 
 
@@ -170,11 +173,11 @@ class _Before:
         """On that side of it."""
         from scipy.spatial import cKDTree
 
-        step = TUNING.mirror_step
+        step = MIRRORS.mirror_step
         points, color = [], []
         for view in views:
             at, _, _ = points_of(view, step)
-            there = side * flat.off(at) > TUNING.mirror_before * spacing
+            there = side * flat.off(at) > MIRRORS.mirror_before * spacing
             points.append(at[there])
             color.append(view.color[::step, ::step][view.depth[::step, ::step] > 0][there])
         return _Before(cKDTree(np.concatenate(points)), np.concatenate(color))
@@ -183,7 +186,7 @@ class _Before:
         """(N,) whether points (N, 3) lie so near to one of that colour (N, 3)."""
         away, row = self.tree.query(points, distance_upper_bound=near)
         there = np.isfinite(away)
-        there[there] = (np.abs(self.color[row[there]] - color[there]) < TUNING.mirror_color).all(axis=1)
+        there[there] = (np.abs(self.color[row[there]] - color[there]) < MIRRORS.mirror_color).all(axis=1)
         return np.asarray(there)
 
 
@@ -192,7 +195,7 @@ def _told(view: DepthMap, flat: Flat, cells: Bool, before: _Before, spacing: flo
     door; how much of that lies on what is seen before it, turned over; and turned over at planes that are moved both
     ways, where it does so by chance."""
     rows, pixel, off = _unhidden(view, flat, spacing)
-    behind = (off > TUNING.mirror_shift) & cells.ravel()[rows]  # nearer it would agree with itself
+    behind = (off > MIRRORS.mirror_shift) & cells.ravel()[rows]  # nearer it would agree with itself
     rows, pixel = rows[behind], pixel[behind]
     origins, directions = rays(view.camera)
     start = np.broadcast_to(origins, directions.shape).reshape(-1, 3)[pixel]
@@ -200,8 +203,8 @@ def _told(view: DepthMap, flat: Flat, cells: Bool, before: _Before, spacing: flo
     facing = np.abs(dot(view.normal.reshape(-1, 3)[pixel].astype(np.float64), flat.normal))
     shown = view.color.reshape(-1, 3)[pixel]
     out = np.zeros((4, flat.there.size))
-    out[0, rows] = view.trust.ravel()[pixel] * (facing > TUNING.mirror_facing) * (shown.min(axis=1) < TUNING.clipped)
-    for k, shift in enumerate((0.0, -TUNING.mirror_shift, TUNING.mirror_shift)):
+    out[0, rows] = view.trust.ravel()[pixel] * (facing > MIRRORS.mirror_facing) * (shown.min(axis=1) < TUNING.clipped)
+    for k, shift in enumerate((0.0, -MIRRORS.mirror_shift, MIRRORS.mirror_shift)):
         turned_over = point - 2 * (flat.off(point) - shift * spacing)[:, None] * flat.normal
-        out[1 + k, rows] = out[0, rows] * before.has(turned_over, shown, TUNING.mirror_near * spacing)
+        out[1 + k, rows] = out[0, rows] * before.has(turned_over, shown, MIRRORS.mirror_near * spacing)
     return out

@@ -13,6 +13,7 @@ from mirelight.model import Camera, ProxyMesh, triangles
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat
 from mirelight.proxy.mirrors import mirroring, mirrors_of, straight
+from mirelight.proxy.types import Soup
 from mirelight.proxy.views import rays
 
 SPACING = 0.05
@@ -155,7 +156,5 @@ def test_faces_in_the_mirror_are_known() -> None:
         [(1, 1, 0), (1.2, 1, 0), (1.2, 1.2, 0)],
         [(0, 1, 0), (0, 1, 0.5), (0, 1.2, 0.5)],
     ]
-    mesh = ProxyMesh(
-        vertices=np.array(quads, np.float32).reshape(-1, 3), faces=np.arange(9, dtype=np.int32).reshape(-1, 3)
-    )
-    assert mirroring(mesh, [found], SPACING).tolist() == [True, False, False]
+    soup = Soup(np.array(quads, np.float64).reshape(-1, 3), np.arange(9).reshape(-1, 3))
+    assert mirroring(soup, [found], SPACING).tolist() == [True, False, False]

@@ -144,10 +144,9 @@ class GlbBuilder:
         for name, values in (("NORMAL", mesh.normals), ("TEXCOORD_0", mesh.uvs), ("COLOR_0", mesh.vertex_colors)):
             if values is not None:
                 attributes[name] = self.add_accessor(values, ARRAY_BUFFER)
-        owners = np.zeros(len(mesh.faces), dtype=np.int32) if mesh.face_materials is None else mesh.face_materials
         primitives = []
         for index, material in enumerate(mesh.materials):
-            faces = mesh.faces[owners == index]
+            faces = mesh.faces[mesh.owners == index]
             if len(faces):
                 indices = self.add_accessor(faces.reshape(-1).astype(np.uint32), _INDEX_BUFFER)
                 entry = {"attributes": attributes, "indices": indices, "material": self.add_material(material)}

@@ -20,10 +20,9 @@ def add_proxy(writer: StageWriter, mesh: ProxyMesh) -> None:
     the file, or the one albedo that takes their place, and what glows."""
     colours = mesh.vertex_colors if mesh.albedo is None else None
     materials = [_material(writer, x, mesh, colours) for x in mesh.materials]
-    owners = np.zeros(len(mesh.faces), np.int32) if mesh.face_materials is None else mesh.face_materials
     for number, (name, faces) in enumerate(_runs(mesh)):
         prim = _mesh(writer, f"{_PLACE}/part{number + 1}", name, mesh, faces, colours)
-        _bind(prim, materials, owners[faces])
+        _bind(prim, materials, mesh.owners[faces])
 
 
 def _runs(mesh: ProxyMesh) -> Iterator[tuple[str, NDArray[np.int64]]]:

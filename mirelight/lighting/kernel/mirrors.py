@@ -35,13 +35,14 @@ def seen_first(surface: DeviceProxy, ray: Ray3f) -> FirstHit:
     """What a camera's ray sees."""
     found, passed = surface.seen(ray, mi.Bool(True), coherent=True)
     there, face, uv = mi.Bool(found.is_valid()), mi.UInt32(found.prim_index), mi.Point2f(found.prim_uv)
-    if not surface.has_mirrors:
+    if surface.mirrors is None:
         return FirstHit(there, face, uv, dr.normalize(ray.d), passed)
     gone, o, d = mi.Float(found.t), mi.Point3f(ray.o), mi.Vector3f(ray.d)
     for _ in range(MOST):
-        turned = there & surface.is_mirror(face, there)
-        start, along = surface.mirrored(face, uv, d, turned)
-        o, d = dr.select(turned, start, o), dr.select(turned, along, d)
+        turned = there & surface.mirrors.are(face, there)
+        at = surface.at(face, uv, d, turned)
+        n = at.geometric_normal
+        o, d = dr.select(turned, at.start, o), dr.select(turned, d - n * (2 * dr.dot(n, d)), d)
         onward = mi.Ray3f(ray)
         onward.o, onward.d, onward.maxt = o, d, ray.maxt - gone
         found, more = surface.seen(onward, turned)

@@ -12,7 +12,7 @@ from mirelight.lighting.kernel.detail import DeviceDetail
 from mirelight.lighting.kernel.fresnel import fresnel, of_coat
 from mirelight.lighting.kernel.memory import floats, integers, rgb
 from mirelight.lighting.kernel.see_through import MOST, OFFSET, Passed, beyond
-from mirelight.lighting.kernel.tables import DeviceAtlas
+from mirelight.lighting.kernel.tables import DeviceAtlas, DeviceMirrors
 from mirelight.lighting.kernel.types import (
     Bool,
     Corners,
@@ -44,8 +44,6 @@ from mirelight.lighting.materials import (
     pack_glow,
 )
 from mirelight.model import F32, ProxyMesh
-
-SILVER = 0.9  # what a mirror throws back, and where light that bounces meets it, to all sides
 
 
 class Finish(NamedTuple):
@@ -114,10 +112,7 @@ class DeviceProxy:
         self.plain_below = self.has_objects and is_plain(proxy, below)
         self.coated, self.glassy = (self.has_objects and there(proxy) for there in (has_coats, has_glass))
         self.cut_out = self.has_objects and (has_cutouts(proxy) or self.glassy)
-        mirrors = np.append(np.zeros(0) if proxy.mirrors is None else proxy.mirrors, (0, 0)).astype(np.int32)
-        mirrors[first_inserted if self.has_objects else len(mirrors) :] = 0  # objects mirror by their materials
-        self.has_mirrors = bool(mirrors.any())
-        self.mirrors = integers(mirrors)
+        self.mirrors = DeviceMirrors.of(proxy, first_inserted)
 
     def recolor(self, vertex_colors: F32) -> None:
         """Other vertex colours for a mesh that has some."""
@@ -206,20 +201,6 @@ class DeviceProxy:
         a, b, c = (rgb(self.vertices, dr.gather(mi.UInt32, self.faces, face * 3 + k, active), active) for k in range(3))
         return dr.dot(dr.cross(b - a, c - a), d) < 0
 
-    def is_mirror(self, face: UInt32, active: Bool) -> Bool:
-        """Whether a face is one of the proxy's mirrors."""
-        return dr.gather(mi.UInt32, self.mirrors, face, active) > 0
-
-    def mirrored(self, face: UInt32, uv: Point2f, d: Vector3f, active: Bool) -> tuple[Point3f, Vector3f]:
-        """(where the ray starts that a face mirrors, its way, as long as d)."""
-        i, b = self._around(face, uv, active)
-        v = [rgb(self.vertices, k, active) for k in i]
-        e1, e2 = v[1] - v[0], v[2] - v[0]
-        p, longest = v[0] * b[0] + v[1] * b[1] + v[2] * b[2], dr.maximum(dr.max(abs(e1)), dr.max(abs(e2)))
-        n = dr.normalize(dr.cross(e1 / longest, e2 / longest))
-        n = n * dr.select(dr.dot(n, d) > 0, mi.Float(-1), mi.Float(1))
-        return mi.Point3f(p + n * (OFFSET * (dr.max(abs(p)) + longest))), d - n * (2 * dr.dot(n, d))
-
     def is_inserted(self, face: UInt32) -> Bool:
         """Whether a face is an object's."""
         return face >= self.first_inserted
@@ -295,8 +276,8 @@ class DeviceProxy:
         if self.colors is not None:
             c = [rgb(self.colors, k, active) for k in i]
             albedo = albedo * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2])
-        if self.has_mirrors:
-            albedo = dr.select(self.is_mirror(face, active), mi.Vector3f(SILVER), albedo)
+        if self.mirrors is not None:
+            albedo = self.mirrors.silvered(face, albedo, active)
         return dr.clip(albedo, 0, 1), emission
 
     @dr.syntax
@@ -319,8 +300,8 @@ class DeviceProxy:
         if self.lobes:
             metallic, roughness, specular, weight, layers = self._reflectances(face, i, b, active)
             on = (metallic > 0) | (roughness < 1)
-            if self.has_mirrors:
-                on &= ~self.is_mirror(face, active)
+            if self.mirrors is not None:
+                on &= ~self.mirrors.are(face, active)
         else:
             on = self.is_inserted(face)
             metallic, roughness, specular, weight, layers = self._of_objects(face, i, b, active & on)

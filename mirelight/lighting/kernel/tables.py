@@ -1,16 +1,18 @@
-"""The materials of `mirelight.lighting.materials.Atlas` on the device: factors, and textures that multiply them."""
+"""The materials of `mirelight.lighting.materials.Atlas` on the device: factors, their textures, which are mirrors."""
 
 from __future__ import annotations
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.lighting.kernel.memory import floats, integers
 from mirelight.lighting.kernel.types import Bool, Corners, Float, UInt32, Vector3f, Vector4f, Weights
 from mirelight.lighting.materials import ROW, TEXTURED, WRAP_CODE, pack_materials, textured
 from mirelight.model import ProxyMesh
 
+SILVER = 0.9  # what a mirror throws back, and where light that bounces meets it, to all sides
 WEIGHT = 8 * TEXTURED  # float of a row
 
 
@@ -79,3 +81,28 @@ def _texels_along(a: Float, size: Float, wrap: Float) -> tuple[UInt32, UInt32, F
     before = dr.select(low < 0, dr.select(repeats, n - 1, 0), dr.minimum(mi.UInt32(dr.maximum(low, 0)), n - 1))
     after = dr.select(low + 1 >= size, dr.select(repeats, 0, n - 1), dr.minimum(mi.UInt32(low + 1), n - 1))
     return before, after, x - low
+
+
+class DeviceMirrors:
+    """Tells which faces are mirrors of the capture."""
+
+    def __init__(self, faces: NDArray[np.bool_]) -> None:
+        """`faces`: (F,) those that are."""
+        self._faces = integers(np.append(faces, (0, 0)).astype(np.int32))
+
+    @staticmethod
+    def of(proxy: ProxyMesh, first_inserted: int | None) -> DeviceMirrors | None:
+        """Of a mesh, whose faces from there on are inserted objects', which mirror by their materials; None: it has
+        none."""
+        if proxy.mirrors is None:
+            return None
+        own = np.arange(len(proxy.faces)) < (len(proxy.faces) if first_inserted is None else first_inserted)
+        return DeviceMirrors(proxy.mirrors & own) if (proxy.mirrors & own).any() else None
+
+    def are(self, face: UInt32, active: Bool) -> Bool:
+        """Whether faces are."""
+        return dr.gather(mi.UInt32, self._faces, face, active) > 0
+
+    def silvered(self, face: UInt32, albedo: Vector3f, active: Bool) -> Vector3f:
+        """The albedo of a point, where light that bounces meets it."""
+        return dr.select(self.are(face, active), mi.Vector3f(SILVER), albedo)

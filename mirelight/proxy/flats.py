@@ -6,7 +6,7 @@ what is seen (Fischler and Bolles, 1981; greedy, the largest first) it is kept f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,51 +14,14 @@ from numpy.typing import NDArray
 
 from mirelight.base.together import each
 from mirelight.model import F64, triangles
-from mirelight.proxy.depth import DepthMap, pixels_of, points_of
+from mirelight.proxy.depth import DepthMap, pixels_of
+from mirelight.proxy.pieces import Points, axes_of, one_piece, surface_rows, turned_to
 from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, Soup, corners_of
 from mirelight.proxy.views import dot, length, rays, turned
 
 Bool = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Points:
-    """Points on surfaces that cameras saw."""
-
-    at: F64  # (N, 3)
-    normal: F64  # (N, 3) unit, to the side that was seen
-    weight: F64  # (N,) 0..1: trust in those that were joined, and how far their normals agree
-
-    @staticmethod
-    def of(views: Sequence[DepthMap], spacing: float, radius: float) -> Points:
-        """What views see within the radius, one point a voxel."""
-        at, normal, weight = [], [], []
-        for view in views:
-            here, facing, trust = points_of(view, TUNING.flat_step)
-            at.append(here)
-            normal.append(facing)
-            weight.append(trust.astype(np.float64) + 1e-3)
-        points, normals, weights = np.concatenate(at), np.concatenate(normal), np.concatenate(weight)
-        near = dot(points, points) < radius * radius
-        points, normals, weights = points[near], normals[near], weights[near]
-        i = np.floor(points / (TUNING.flat_voxel * spacing)).astype(np.int64) + (1 << 20)
-        _, index, count = np.unique(
-            (i[:, 0] << 42) | (i[:, 1] << 21) | i[:, 2], return_inverse=True, return_counts=True
-        )
-        total = np.bincount(index, weights)
-
-        def mean(rows: F64) -> F64:
-            return np.stack([np.bincount(index, rows[:, k] * weights) for k in range(3)], axis=1) / total[:, None]
-
-        turned_to = mean(normals)
-        agreed = length(turned_to)
-        return Points(
-            mean(points),
-            turned_to / np.maximum(agreed, 1e-12)[:, None],
-            agreed * np.minimum(count / TUNING.flat_step, 1) * total / count,
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +35,8 @@ class Flat:
     low: Int  # (2,) the first
     there: Bool  # (I, J)
     lift: F64 | None = None  # (I, J) how far the surface lies before the plane, along its normal; None: nowhere
+    # (I, J, 2, 4) where of a cell it is: where the first three, times a point, and the fourth add up to more than 0
+    bound: F64 | None = None
 
     def cells(self, points: F64) -> tuple[Int, Bool]:
         """(..., 2) the cells that points (..., 3) lie over, and (...,) whether they are among these; else the first."""
@@ -85,6 +50,15 @@ class Flat:
         """(...,) whether points (..., 3) lie over cells where the surface is."""
         i, inner = self.cells(points)
         return np.asarray(inner & self.there[i[..., 0], i[..., 1]])
+
+    def within(self, points: F64) -> Bool:
+        """(...,) the same, but for what of those cells is past another plane."""
+        here = self.inside(points)
+        if self.bound is not None:
+            i, _ = self.cells(points[here])
+            half = self.bound[i[:, 0], i[:, 1]]
+            here[here] = (np.einsum("ni,nki->nk", points[here], half[..., :3]) + half[..., 3] > 0).all(axis=1)
+        return here
 
     @property
     def middles(self) -> F64:
@@ -148,7 +122,7 @@ def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
         on = (off < tolerance) & (cosine > TUNING.plane_cosine)
         if points.weight[left[on]].sum() < least:
             break
-        rows = _alone(points, left[on], normal, offset, tolerance)
+        rows = surface_rows(points, left[on], normal, offset, tolerance)
         if points.weight[rows].sum() < least or turned_outwards(points, rows, normal) > TUNING.plane_turn:
             left = left[~on]
             continue
@@ -172,7 +146,7 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
         off = dot(points.at[rows], normal) - offset
         on = (np.abs(off) < wide) & (np.abs(dot(points.normal[rows], normal)) > TUNING.plane_cosine)
         if k < TUNING.flat_rounds // 2:
-            on[on] = _one_piece(points, rows[on], normal, tolerance)
+            on[on] = one_piece(points, rows[on], normal, tolerance)
         if on.sum() < 30:
             break
         at, weight = points.at[rows[on]], points.weight[rows[on]] * (1 - (off[on] / wide) ** 2) ** 2
@@ -185,37 +159,11 @@ def _fitted(points: Points, rows: Int, normal: F64, offset: float, tolerance: fl
     return normal, offset
 
 
-def _one_piece(points: Points, rows: Int, normal: F64, tolerance: float) -> Bool:
-    """(N,) which of these points of a plane are in its largest piece."""
-    if not len(rows):
-        return np.zeros(0, bool)
-    own = _pieces(points.at[rows], normal, tolerance)(points.at[rows])
-    return np.asarray(own == np.bincount(own, points.weight[rows]).argmax())
-
-
-def _pieces(points: F64, normal: F64, tolerance: float) -> Callable[[F64], Int]:
-    """Tells over which piece of a plane, from 1, points (M, 3) lie, 0: none; it is cells that hold points (N, 3), small
-    gaps closed."""
-    from scipy.ndimage import binary_closing, label
-
-    axes = _axes(normal)
-
-    def cells(some: F64) -> Int:
-        return np.floor(turned_to(some, axes) / (TUNING.plane_cell * tolerance)).astype(np.int64)
-
-    i = cells(points)
-    low = i.min(axis=0) - 1  # a rim that is in no piece
-    there = np.zeros(tuple(i.max(axis=0) + 2 - low), bool)
-    there[tuple((i - low).T)] = True
-    part, _ = label(binary_closing(there))
-    return lambda some: part[tuple(np.clip(cells(some) - low, 0, np.array(part.shape) - 1).T)]
-
-
 def _lean(points: Points, normal: F64, offset: float, rows: Int) -> float:
     """By about how many radians a plane may lean: how far its points lie off it, to how far along it they reach."""
     at, weight = points.at[rows], points.weight[rows] / points.weight[rows].sum()
     off = dot(at, normal) - offset
-    along = turned_to(at, _axes(normal))
+    along = turned_to(at, axes_of(normal))
     along = along - (along * weight[:, None]).sum(axis=0)
     spread = [[float((along[:, i] * along[:, j] * weight).sum()) for j in range(2)] for i in range(2)]
     return float(np.sqrt((weight * off**2).sum() / max(np.linalg.eigvalsh(np.array(spread))[0], 1e-30)))
@@ -236,15 +184,6 @@ def _turned_upright(
     return (normal, offset) if held > TUNING.plane_square_held * float(weight.sum()) else plane
 
 
-def _alone(points: Points, rows: Int, normal: F64, offset: float, tolerance: float) -> Int:
-    """Of the points on a plane those in parts of it that have little beside them: others are slices of a heap."""
-    near = np.abs(dot(points.at, normal) - offset) < TUNING.plane_beside * tolerance
-    piece = _pieces(points.at[rows], normal, tolerance)
-    own, beside = piece(points.at[rows]), piece(points.at[near])
-    held, all_ = np.bincount(own, points.weight[rows]), np.bincount(beside, points.weight[near])
-    return np.asarray(rows[(held > TUNING.plane_alone * all_)[own]])
-
-
 def turned_outwards(points: Points, rows: Int, normal: F64) -> float:
     """By how much, in radians, normals turn from the middle of points outwards: 0 of a plane, rough or not.
 
@@ -253,7 +192,7 @@ def turned_outwards(points: Points, rows: Int, normal: F64) -> float:
     The turn is regressed on the place in the plane, and asked along its longest and its shortest way, each as far as it
     reaches: a strip of wall is not as round as its narrow side would be if it were as long as the other.
     """
-    axes = _axes(normal)
+    axes = axes_of(normal)
     weight = points.weight[rows] / points.weight[rows].sum()
     place, turn = turned_to(points.at[rows], axes), turned_to(points.normal[rows], axes)
     turn = turn * np.sign(dot(points.normal[rows], normal))[:, None]
@@ -266,18 +205,11 @@ def turned_outwards(points: Points, rows: Int, normal: F64) -> float:
     return float(np.sqrt(2) * np.linalg.norm(rim, axis=1).max())
 
 
-def _axes(normal: F64) -> F64:
-    """(2, 3) unit vectors across it."""
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
-
-
 def _seen(normal: F64, offset: float, points: Points, rows: Int, spacing: float, low: F64, high: F64) -> Flat:
     """Cells over the box that hold points of the plane, small gaps closed."""
     from scipy.ndimage import binary_closing, binary_dilation, label
 
-    axes, cell = _axes(normal), TUNING.plane_cell * spacing
+    axes, cell = axes_of(normal), TUNING.plane_cell * spacing
     corners = corners_of(low, high)
     reach = turned_to(corners, axes) / cell
     own = np.floor(turned_to(points.at[rows], axes) / cell).astype(np.int64)
@@ -291,11 +223,6 @@ def _seen(normal: F64, offset: float, points: Points, rows: Int, spacing: float,
     count[0] = 0
     kept = count >= max(6, 0.02 * count.max())
     return Flat(normal, offset, axes, cell, start, binary_dilation(kept[part], iterations=1))
-
-
-def turned_to(points: F64, axes: F64) -> F64:
-    """(N, 2) places of points (N, 3) along two axes."""
-    return np.asarray(np.einsum("ni,ki->nk", points, axes))
 
 
 def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64, F64, F64]:
@@ -334,7 +261,7 @@ def _confirmed(flat: Flat, flats: Sequence[Flat], views: Sequence[DepthMap], tol
     whole = whole & ~free | sure
     part, _ = label(whole)
     own_parts = np.unique(part[sure])
-    return Flat(flat.normal, flat.offset, flat.axes, flat.cell, flat.low, np.isin(part, own_parts[own_parts > 0]))
+    return replace(flat, there=np.isin(part, own_parts[own_parts > 0]))
 
 
 def _met(flat: Flat, flats: Sequence[Flat]) -> Bool:
@@ -357,7 +284,7 @@ def on_flats(soup: Soup, flats: Sequence[Flat], reach: float) -> Soup:
     for flat in flats:
         off = flat.off(soup.vertices)
         on = (np.abs(off) < nearest) & (np.abs(dot(normals, flat.normal)) > 0.7)
-        on &= flat.inside(soup.vertices)
+        on &= flat.within(soup.vertices)
         vertices[on] = soup.vertices[on] - off[on, None] * flat.normal
         nearest[on] = np.abs(off[on])
     return Soup(vertices, soup.faces)

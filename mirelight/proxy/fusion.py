@@ -31,7 +31,14 @@ class Grid:
     distance: F32  # (M,) signed, positive outside, at most TRUNCATION cells
 
 
-def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgress, middle: F64 | None = None) -> Grid:
+def fuse(
+    views: Sequence[DepthMap],
+    half: F64,
+    cell: float,
+    progress: ShareProgress,
+    middle: F64 | None = None,
+    up: F64 | None = None,
+) -> Grid:
     """One mesh from many depth maps.
 
     Where a sheet thinner than a few cells is seen from both sides, the views on the side of the middle count, as a
@@ -51,7 +58,7 @@ def fuse(views: Sequence[DepthMap], half: F64, cell: float, progress: ShareProgr
     shape = (int(size[0]), int(size[1]), int(size[2]))
     low = middle - (size - 1) * cell / 2
     inside = any((np.abs(view.camera.position - middle) < half).all() for view in views)
-    clean = _one_sided(views, TUNING.fused_sheet * cell, middle, inside)
+    clean = _one_sided(views, TUNING.fused_sheet * cell, middle, inside, up)
     nodes = _near_surface(clean, low, cell, shape)
     at = (np.stack(np.unravel_index(nodes, shape), axis=1) * cell + low).astype(np.float32)
     total, weight = np.zeros(len(nodes), np.float32), np.zeros(len(nodes), np.float32)
@@ -123,14 +130,20 @@ class _Planes:
         return seen, distance, np.where(hidden, np.float32(0), row[:, 5] * fading)
 
 
-def _one_sided(views: Sequence[DepthMap], cell: float, middle: F64, inside: bool) -> list[DepthMap]:
+def _one_sided(views: Sequence[DepthMap], cell: float, middle: F64, inside: bool, up: F64 | None) -> list[DepthMap]:
     """The maps without pixels that see the far side of a sheet thinner than `cell`."""
     found = each(points_of, views)
     points, normals = np.concatenate([p for p, _, _ in found]), np.concatenate([n for _, n, _ in found])
     if not len(points):
         return list(views)
     side = dot(points - middle, normals) < 0  # facing it
-    kept = inside | ~_mostly(_voxel(points / (TUNING.sheet_around * cell)), ~side)
+    around = _voxel(points / (TUNING.sheet_around * cell))
+    if up is not None and not inside:
+        eyes = np.repeat([view.camera.position for view in views], [len(p) for p, _, _ in found], axis=0)
+        alike = 3 * around + np.argmax(np.abs(normals), axis=1)  # a top, and the sides below it, each on its own
+        kept = _from_higher(alike, side, dot(eyes - points, up) / length(eyes - points))
+    else:
+        kept = inside | ~_mostly(around, ~side)
     # both sides of a sheet may fall into two voxels of one grid, not of both
     torn = each(lambda offset: _both_sides(_voxel(points / cell + offset), side, normals), (0.0, 0.5))
     drop = (torn[0] | torn[1]) & (side != kept)
@@ -149,6 +162,13 @@ def _mostly(voxel: Int, of: NDArray[np.bool_]) -> NDArray[np.bool_]:
     _, index = np.unique(voxel, return_inverse=True)
     share = np.bincount(index, of) / np.bincount(index)
     return np.asarray(share[index] > TUNING.sheet_outside)
+
+
+def _from_higher(voxel: Int, of: NDArray[np.bool_], height: F64) -> NDArray[np.bool_]:
+    """(N,) whether the points of a point's voxel that are of a kind are looked at from higher up than the others."""
+    _, index = np.unique(voxel, return_inverse=True)
+    one, other = (np.bincount(index, height * w) / np.maximum(np.bincount(index, w), 1) for w in (of, ~of))
+    return np.asarray((one > other)[index])
 
 
 def _both_sides(voxel: Int, side: NDArray[np.bool_], normals: F64) -> NDArray[np.bool_]:

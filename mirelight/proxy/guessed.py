@@ -22,12 +22,13 @@ from mirelight.compositor import Compositor
 from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.clear import ClearSplats
-from mirelight.proxy.depth import DepthMaps
+from mirelight.proxy.depth import DepthMap, DepthMaps
+from mirelight.proxy.inside import hidden_share
 from mirelight.proxy.one_picture import takers
 from mirelight.proxy.sampling import far_apart
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
-from mirelight.proxy.views import around, evenly, lattice, moved, placed
+from mirelight.proxy.views import around, lattice, moved, placed
 
 NAME = "guessed"  # of the cameras, before their number
 Guess: TypeAlias = Callable[[], Sequence[Camera]]  # cameras in world space, when they are asked for
@@ -43,9 +44,14 @@ def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tu
     """
     if pictures := takers(splats):
         return tuple(moved(picture, -capture.middle) for picture in pictures)
+    maps = DepthMaps(capture, settings)
+    outer = [maps.of(x) for x in around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)]
+    sure, hidden = TUNING.clear_alone
+    if _trust(outer) > sure and hidden_share(capture, outer) < hidden:
+        return ()
     if (colours := _by_colours(splats, capture)) and (cameras := _looking(colours, capture, settings)):
         return cameras
-    return _clear(capture, settings)
+    return _clear(capture, maps, outer, settings)
 
 
 def taken_from(splats: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -169,27 +175,25 @@ def _looking(told: _Told, capture: Capture, settings: ProxySettings) -> tuple[Ca
     return tuple(_camera(place, way, capture, f"{NAME}-{i}") for i, (place, way) in enumerate(views))
 
 
-def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
-    """Cameras where it looks clear; none where surfaces are as thin layers from around, or nearly.
+def _clear(capture: Capture, maps: DepthMaps, outer: Sequence[DepthMap], settings: ProxySettings) -> tuple[Camera, ...]:
+    """Cameras where it looks clear; none where surfaces are as thin layers in outer views, from around, or nearly.
 
-    From inside of a thing they are thicker, though it fills all directions: nothing told how it is in there.
+    From inside of a thing they are thicker, though it fills all directions: nothing told how it is in there. In a
+    hollow one, as a plinth, they may be thin, but it hides all else.
     """
     if (layers := _by_layers(capture, settings)) is None:
         return ()
-    maps = DepthMaps(capture, settings)
-    outer = around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)
-    needed = TUNING.clear_surer * _trust(maps, outer)
+    needed = TUNING.clear_surer * _trust(outer)
     if needed > TUNING.clear_most:
         return ()
     cameras = _looking(layers, capture, settings)
-    chosen = evenly(cameras, TUNING.clear_judged)
-    sure = _trust(maps, [x.scaled(TUNING.clear_size / x.width) for x in chosen])
-    return cameras if sure > needed else ()
+    views = [maps.of(x.scaled(TUNING.clear_size / x.width)) for x in cameras]
+    clear = _trust(views[:: -(-len(views) // TUNING.clear_judged) or 1]) > needed
+    return cameras if clear and hidden_share(capture, views) < TUNING.clear_hidden else ()
 
 
-def _trust(maps: DepthMaps, cameras: Sequence[Camera]) -> float:
+def _trust(views: Sequence[DepthMap]) -> float:
     """The median view's mean over its opaque pixels; 0 where there are none."""
-    views = (maps.of(camera) for camera in cameras)
     means = [float(x.mean()) if len(x := v.trust[v.alpha > TUNING.depth_opaque]) else 0.0 for v in views]
     return float(np.median(means or [0.0]))
 

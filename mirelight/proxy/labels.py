@@ -60,15 +60,19 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky)
 
     _, directions = rays(view.camera)
     depths = [_depth(view, flat, directions) for flat in flats]
-    label = _labels(view, flats, depths, tolerance)
+    label, sure = _labels(view, flats, depths, tolerance)
     solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
-    shown = trust >= sky.least(view, directions)
+    shown = (trust >= sky.least(view, directions)) & (label >= 0)
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid
-        depth[on] = depths[k][on]
-        side = -np.sign(dot(directions[on], flat.normal))
-        normal[on] = side[:, None] * flat.normal
+        step = depths[k][on] - view.depth[on]
+        apart = np.abs(step * dot(directions[on], flat.normal)) > TUNING.label_apart * tolerance + view.spread[on]
+        share = np.where(apart | (view.depth[on] == 0), 1, sure[on])
+        depth[on] += share * step
+        facing = -np.sign(dot(directions[on], flat.normal))[:, None] * flat.normal
+        between = normal[on] + share[:, None] * (facing - normal[on])
+        normal[on] = between / np.maximum(length(between), 1e-12)[:, None]
         trust[on], shown[on] = 1, True
     return replace(view, depth=np.where(shown, depth, np.float32(0)), normal=normal, trust=trust)
 
@@ -87,18 +91,23 @@ def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
     return np.where(there, depth, 0).astype(np.float32)
 
 
-def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float) -> Int:
-    """(H, W) the plane that each pixel lies on; the number of planes: none."""
+def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float) -> tuple[Int, F32]:
+    """(H, W) the plane that each pixel lies on, the number of planes: none, -1: on one, past its end, where nothing is.
+    And how sure that is, 0..1."""
     _, directions = rays(view.camera)
     there, trust = view.depth > 0, view.trust
     reach = np.float32(2 * tolerance) + view.spread
+    offs = [
+        (depth - view.depth) * np.abs(dot(directions, flat.normal)).astype(np.float32) / reach
+        for flat, depth in zip(flats, depths, strict=True)
+    ]
     costs = []
-    for flat, depth in zip(flats, depths, strict=True):
-        aslant = np.abs(dot(directions, flat.normal)).astype(np.float32)
-        before = (depth - view.depth) * aslant / reach
+    for k, (flat, depth, before) in enumerate(zip(flats, depths, offs, strict=True)):
         aside = 1 - np.abs(dot(view.normal, flat.normal.astype(np.float32)))
-        turned = aside / np.float32(TUNING.label_turned)
-        cost = np.minimum(before**2, 1) + np.float32(0.6) * np.minimum(turned, 1)
+        turned = np.minimum(aside / np.float32(TUNING.label_turned), 1)
+        for other in _across(flats, k):  # in a corner normals are between those of both
+            turned *= np.where(depths[other] > 0, np.minimum(offs[other] ** 2, 1), 1)
+        cost = np.minimum(before**2, 1) + np.float32(0.6) * turned
         unsure = np.float32(0.15) + np.float32(0.5) * np.minimum(cost, 1)
         # things do not blend with what lies behind them; of fog, nobody knows how far before a plane it hangs
         thing = np.minimum(trust / np.float32(TUNING.fog), 1)
@@ -107,7 +116,22 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
         costs.append(np.where(depth > 0, cost, np.float32(TUNING.label_out)))
     free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)
     volume = np.stack([*costs, free], axis=0).astype(np.float32)
-    return np.asarray(np.argmin(_smoothed(volume, view.color), axis=0))
+    smooth = _smoothed(volume, view.color)
+    first = np.argmin(smooth, axis=0)
+    origins, _ = rays(view.camera)
+    for k, (flat, depth) in enumerate(zip(flats, depths, strict=True)):
+        if flat.bound is not None:  # the other plane has what is past it
+            past = (depth > 0) & ~flat.within(origins + directions * depth[..., None])
+            smooth[k][past] = np.inf
+    sure = (smooth[-1] - smooth.min(axis=0)) / np.float32(TUNING.label_sure)
+    label = np.argmin(smooth, axis=0)
+    label[(label == len(flats)) & (first < len(flats))] = -1
+    return label, np.minimum(sure, 1)
+
+
+def _across(flats: Sequence[Flat], k: int) -> list[int]:
+    """Planes that stand across one of them."""
+    return [j for j, other in enumerate(flats) if abs(float(other.normal @ flats[k].normal)) < 0.5]
 
 
 def _smoothed(volume: F32, color: F32) -> F32:

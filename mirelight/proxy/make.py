@@ -20,6 +20,7 @@ from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
 from mirelight.proxy.detail import Core, core_of, others, with_core
+from mirelight.proxy.ends import ended
 from mirelight.proxy.flats import Flat, flats_of, on_flats
 from mirelight.proxy.fusion import Grid, fuse
 from mirelight.proxy.ground import carried_on, closer
@@ -43,6 +44,7 @@ from mirelight.proxy.views import around, fewer, from_points, held_up, moved
 
 DEPTHS = "taking depth maps"
 _DEFAULT = ProxySettings()
+_UPRIGHT = np.array([0.0, 1.0, 0.0])  # of jobs; files have it the other way round, mostly, which is the same axis
 
 
 def make(
@@ -106,7 +108,7 @@ def make(
         views = each(smooth, views, part(report, 0.4, 0.43), "smoothing depth maps")
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
-        up = held_up(cameras) if cameras or not there else _stands(views)
+        up = held_up(cameras) if cameras else _stands(views, around=not there)
         found = _fused(capture, views, up, part(report, 0.55, 0.75))
         soup, shown, mirrors = found.soup, [] if found.sky.fog else found.views, found.mirrors
         if there and (core := core_of(capture, there)):
@@ -180,9 +182,9 @@ def _of_one_picture(splats: SplatCloud, camera: Camera, source: str | Path) -> t
     return capture, [moved(camera, -capture.middle)]
 
 
-def _stands(views: Sequence[DepthMap]) -> F64 | None:
-    """(3,) unit: which way is up in what guessed views show; None where it is not sure."""
-    found = upright(Seen.of(views, around=False))
+def _stands(views: Sequence[DepthMap], *, around: bool) -> F64 | None:
+    """(3,) unit: which way is up in what guessed views, or views from around show; None where it is not sure."""
+    found = upright(Seen.of(views, around=around), _UPRIGHT if around else None)
     return found.way if found and not found.doubt else None
 
 
@@ -198,6 +200,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
+    flats = ended(flats)
     sky = Sky(fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
@@ -207,7 +210,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     on_planes = partial(flattened, flats=flats, tolerance=TUNING.plane_tolerance * capture.spacing, sky=sky)
     views = each(on_planes, views, part(report, 0.2, 0.3), "moving pixels onto planes")
     cell = TUNING.cell * capture.spacing
-    grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8))
+    grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
     soup = _surface(grid, flats)
     for window in windows:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap, pixels_of
-from mirelight.proxy.flats import Flat, turned_to
+from mirelight.proxy.flats import Flat
+from mirelight.proxy.pieces import turned_to
 from mirelight.proxy.planes import Sheet
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Soup

@@ -54,8 +54,16 @@ class Tuning:
     plane_cosine: float = 0.85  # between the normals of points and their plane
     # share of the surface: smaller ones are left to what is free, as slices of a biker are, of 0.004 to 0.02
     plane_least: float = 0.02
-    # radians from middle to rim: what turns more is round (a ball's caps 0.3, a room's walls 0.05)
-    plane_turn: float = 0.15
+    # radians from middle to rim: what turns more is round (a ball's caps 0.3, walls 0.05, a blurred plinth's 0.16)
+    plane_turn: float = 0.2
+    # tolerances, by which a piece of a plane is bent, as a deviation: slices of statues 0.35 to 0.41, all else to 0.26
+    plane_bent: float = 0.3
+    # of the rim of a small piece, past which the surface goes on near its plane: a beard, a chest and a bust's sides
+    # 0.81 to 0.97, tables and walls 0.1 to 0.75
+    plane_fades: float = 0.78
+    plane_fades_to: float = 4.0  # tolerances off it, and
+    plane_goes_on: float = 0.5  # cosine between normals: it goes on
+    plane_large: int = 600  # cells: what is larger and lies in a plane is one, as a ceiling, of which 0.87 goes on
     plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
     plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24
     plane_most: int = 24  # planes
@@ -243,6 +251,11 @@ class Tuning:
     # times the trust from around, that they have: a toy's inside 0.83, that of a ball of even splats 1.04, rooms 1.17
     clear_surer: float = 1.1
     clear_most: float = 0.8  # that views ever have: where those from around have nearly as much, none are sought
+    # of the splats, that they do not see: from inside of hollow plinths 0.39 to 0.62, in rooms and gardens 0.04 to 0.1
+    clear_hidden: float = 0.2
+    # what views from around are sure of, and hide, where they show all and no others are sought: a robot over a lawn,
+    # 0.51 and 0.01; a bust 0.42 and 0.06, rooms 0.34 and 0.1, a garden 0.1
+    clear_alone: tuple[float, float] = (0.45, 0.02)
     clear_size: int = 140  # along the longer side of one
 
     # which way is up in what views see (upright.py)
@@ -366,6 +379,8 @@ class Tuning:
     flat_step: int = 3  # every third pixel of a map, both ways, is a point
     flat_voxel: float = 0.7  # points in one voxel become one
     flat_rounds: int = 6  # of fitting a plane to what lies on it
+    flat_longest: float = 6.0  # cells: how long what of a plane sticks out past another may be
+    flat_past: float = 0.1  # cells: how far past the line where it meets another a plane may go
     flat_corner: int = 4  # cells: half of how far from its surface a plane goes on to another
 
     # what lying on a plane costs (`labels`)
@@ -374,6 +389,9 @@ class Tuning:
     # of how deep it blends and the tolerance: what lies farther before a plane is not on it, though little tells where
     # it is, as cars without a pattern
     label_before: float = 1.0
+    # of cost, by which a plane must beat none to have a pixel wholly: what rises from it slowly has no step there
+    label_sure: float = 0.1
+    label_apart: float = 3.0  # tolerances between a pixel and the plane: it is another surface
     label_rounds: int = 3  # of finding where a ray meets a ground that is not flat
     label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
 

@@ -9,8 +9,9 @@ import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Points, flats_of, turned_outwards
+from mirelight.proxy.flats import flats_of, turned_outwards
 from mirelight.proxy.labels import Sky, flattened, fog_of
+from mirelight.proxy.pieces import Points
 from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays

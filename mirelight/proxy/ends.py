@@ -7,7 +7,7 @@ stands out past a corner so would hide the surface beside it: a lip, with a hole
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,34 +25,55 @@ def ended(flats: Sequence[Flat]) -> list[Flat]:
     return each(lambda flat: _ended(flat, flats), flats)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Across:
+    """A plane that stands across another."""
+
+    plane: Flat
+    off: F64  # (I, J) how far the other's cells are from it, signed, where it has surface across from them; else inf
+    line: Bool  # (I, J) cells that it crosses
+
+    @staticmethod
+    def of(plane: Flat, flat: Flat) -> _Across:
+        from scipy.ndimage import binary_dilation
+
+        at = flat.middles
+        wide = replace(plane, there=binary_dilation(plane.there, iterations=TUNING.flat_corner))
+        off = np.where(wide.inside(at), plane.off(at), np.inf).reshape(flat.there.shape)
+        half = 0.501 * flat.cell * float(np.abs(flat.axes @ plane.normal).sum())  # of a cell, and its rim
+        return _Across(plane, off, flat.there & (np.abs(off) < half))
+
+    def halves(self, whole: Bool, past: Bool, cell: float) -> F64:
+        """(I, J, 4) the side of it that cells are bounded to: those of its line to where the rest is whole, if that is
+        on one side alone, and those past it to the other side; zeros and one: to none."""
+        from scipy.ndimage import binary_dilation
+
+        above, below = (binary_dilation(whole & (side * self.off > 0), iterations=2) for side in (1, -1))
+        half = np.tile([0.0, 0, 0, 1], (*self.line.shape, 1))
+        for side, only in ((1, above & ~below), (-1, below & ~above)):
+            bounded = self.line & only | past & (side * self.off < 0)
+            half[bounded] = np.append(side * self.plane.normal, TUNING.flat_past * cell - side * self.plane.offset)
+        return half
+
+
 def _ended(flat: Flat, flats: Sequence[Flat]) -> Flat:
     from scipy.ndimage import binary_dilation, label
 
-    across = [(other, _from(flat, other)) for other in flats if abs(float(flat.normal @ other.normal)) < 0.5]
+    even = (other for other in flats if other.lift is None and abs(float(flat.normal @ other.normal)) < 0.5)
+    across = [_Across.of(other, flat) for other in even]
     if not across:
         return flat
-    lines = [np.abs(off) < _half(flat, other) for other, off in across]
-    cut = flat.there & np.any(lines, axis=0)
-    part, count = label(flat.there & ~cut)
+    part, count = label(flat.there & ~np.any([x.line for x in across], axis=0))
     short, away = np.zeros(flat.there.shape, bool), np.full(flat.there.shape, np.inf)
-    for _, off in across:
+    for x in across:
         farthest = np.zeros(count + 1)
-        np.maximum.at(farthest, part.ravel(), np.abs(off).ravel())
+        np.maximum.at(farthest, part.ravel(), np.abs(x.off).ravel())
         own = (farthest < TUNING.flat_longest * flat.cell)[part] & (part > 0)
-        short, away = short | own, np.where(own, np.minimum(away, np.abs(off)), away)
+        short, away = short | own, np.where(own, np.minimum(away, np.abs(x.off)), away)
     whole = (part > 0) & ~short
     # what is short on both sides of a line, as a shelf at a wall, is all that there is of it
     past = short & np.isin(part, np.unique(part[binary_dilation(whole, iterations=3) & short]))
-    halves = list[F64]()
-    for (other, off), line in zip(across, lines, strict=True):
-        own = past & (np.abs(off) == away)
-        above, below = (binary_dilation(whole & (side * off > 0), iterations=2) for side in (1, -1))
-        half = np.tile([0.0, 0, 0, 1], (*flat.there.shape, 1))
-        for side, only in ((1, above & ~below), (-1, below & ~above)):
-            own_side = line & cut & only | own & (side * off < 0)
-            half[own_side] = np.append(side * other.normal, TUNING.flat_past * flat.cell - side * other.offset)
-        halves.append(half)
-    return replace(flat, bound=_two(halves))
+    return replace(flat, bound=_two([x.halves(whole, past & (np.abs(x.off) == away), flat.cell) for x in across]))
 
 
 def _two(halves: Sequence[F64]) -> F64:
@@ -65,17 +86,3 @@ def _two(halves: Sequence[F64]) -> F64:
         out[i, j, taken[own]] = half[own]
         taken[own] += 1
     return out
-
-
-def _from(flat: Flat, other: Flat) -> F64:
-    """(I, J) how far a plane's cells are from another, signed, where that has surface across from them; else inf."""
-    from scipy.ndimage import binary_dilation
-
-    at = flat.middles
-    wide = replace(other, there=binary_dilation(other.there, iterations=TUNING.flat_corner))
-    return np.where(wide.inside(at), other.off(at), np.inf).reshape(flat.there.shape)
-
-
-def _half(flat: Flat, other: Flat) -> float:
-    """How far the middle of a cell may be from another plane that crosses it."""
-    return 0.5 * flat.cell * float(np.abs(flat.axes @ other.normal).sum())

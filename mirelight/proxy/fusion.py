@@ -43,7 +43,8 @@ def fuse(
 
     Where a sheet thinner than a few cells is seen from both sides, the views on the side of the middle count, as a
     floor or a wall has its scene on that side; their average would be no surface at all. But where none looks from
-    inside and nearly all from the other side, it is a hollow thing's, into which few views see, from below.
+    inside, those count that look from higher up, as into a hollow thing views see from below; and where up is not known,
+    those on the other side, if they are nearly all.
 
     Args:
         views: the maps.
@@ -51,6 +52,7 @@ def fuse(
         cell: distance of nodes; made larger where the grid would have more than `MOST_NODES`.
         progress: called after each view.
         middle: (3,) of the box; None: the origin.
+        up: (3,) unit; None: not known.
     """
     middle = np.zeros(3) if middle is None else middle
     cell = max(cell, float((8 * np.prod(half) / MOST_NODES) ** (1 / 3)))

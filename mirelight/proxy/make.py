@@ -200,13 +200,13 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
-    flats = ended(flats)
     sky = Sky(fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)
     if sky.fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
+    flats = ended(flats)
     on_planes = partial(flattened, flats=flats, tolerance=TUNING.plane_tolerance * capture.spacing, sky=sky)
     views = each(on_planes, views, part(report, 0.2, 0.3), "moving pixels onto planes")
     cell = TUNING.cell * capture.spacing

@@ -41,3 +41,14 @@ def test_a_hollow_things_side_is_where_it_is_looked_at_from(inner: tuple[float, 
     x = grid.low[0] + grid.cell * np.unravel_index(grid.nodes, grid.shape)[0]
     beyond = grid.distance[np.abs(x - WALL - CELL) < 0.6 * CELL]
     assert ((beyond > 0) == outer).mean() > 0.9
+
+
+def test_a_hollow_things_side_is_where_it_is_looked_at_from_higher_up() -> None:
+    """Half of the views look into a plinth from below."""
+    outer = [view(3, y, z) for y, z in ((0.5, 0.5), (0.5, -0.5), (-0.2, 0.5), (-0.2, -0.5))]
+    inner = [view(-3, -2, z) for z in (-0.6, -0.2, 0.2, 0.6)]
+    for up, kept in ((1.0, True), (-1.0, False)):
+        grid = fuse([*outer, *inner], np.full(3, 1.0), CELL, quiet, up=np.array([0, up, 0]))
+        x = grid.low[0] + grid.cell * np.unravel_index(grid.nodes, grid.shape)[0]
+        beyond = grid.distance[np.abs(x - WALL - CELL) < 0.6 * CELL]
+        assert ((beyond > 0) == kept).mean() > 0.9

@@ -43,7 +43,7 @@ def fuse(
 
     Where a sheet thinner than a few cells is seen from both sides, the views on the side of the middle count, as a
     floor or a wall has its scene on that side; their average would be no surface at all. But where none looks from
-    inside, those count that look from higher up, as into a hollow thing views see from below; and where up is not known,
+    inside, those count that look from higher up, as into a hollow thing views see from below; where up is not known,
     those on the other side, if they are nearly all.
 
     Args:

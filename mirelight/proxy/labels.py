@@ -67,7 +67,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky)
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid
         step = depths[k][on] - view.depth[on]
-        apart = np.abs(step * dot(directions[on], flat.normal)) > TUNING.label_apart * tolerance + view.spread[on]
+        apart = np.abs(step * dot(directions[on], flat.normal)) > TUNING.label_apart * tolerance
         share = np.where(apart | (view.depth[on] == 0), 1, sure[on])
         depth[on] += share * step
         facing = -np.sign(dot(directions[on], flat.normal))[:, None] * flat.normal

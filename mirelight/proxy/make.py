@@ -243,7 +243,7 @@ def _detailed(
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
-    flats = [*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more]
+    flats = ended([*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more])
     views = each(lambda view: flattened(view, flats, tolerance, found.sky), views)
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     return with_core(found.soup, _surface(grid, flats), core, TUNING.cell * capture.spacing)

@@ -44,14 +44,9 @@ def guessed(splats: SplatCloud, capture: Capture, settings: ProxySettings) -> tu
     """
     if pictures := takers(splats):
         return tuple(moved(picture, -capture.middle) for picture in pictures)
-    maps = DepthMaps(capture, settings)
-    outer = [maps.of(x) for x in around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)]
-    sure, hidden = TUNING.clear_alone
-    if _trust(outer) > sure and hidden_share(capture, outer) < hidden:
-        return ()
     if (colours := _by_colours(splats, capture)) and (cameras := _looking(colours, capture, settings)):
         return cameras
-    return _clear(capture, maps, outer, settings)
+    return _clear(capture, settings)
 
 
 def taken_from(splats: SplatCloud, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -175,16 +170,21 @@ def _looking(told: _Told, capture: Capture, settings: ProxySettings) -> tuple[Ca
     return tuple(_camera(place, way, capture, f"{NAME}-{i}") for i, (place, way) in enumerate(views))
 
 
-def _clear(capture: Capture, maps: DepthMaps, outer: Sequence[DepthMap], settings: ProxySettings) -> tuple[Camera, ...]:
-    """Cameras where it looks clear; none where surfaces are as thin layers in outer views, from around, or nearly.
+def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
+    """Cameras where it looks clear; none where surfaces are as thin layers from around, or nearly, or are thin enough
+    there and all seen.
 
     From inside of a thing they are thicker, though it fills all directions: nothing told how it is in there. In a
     hollow one, as a plinth, they may be thin, but it hides all else.
     """
     if (layers := _by_layers(capture, settings)) is None:
         return ()
-    needed = TUNING.clear_surer * _trust(outer)
-    if needed > TUNING.clear_most:
+    maps = DepthMaps(capture, settings)
+    outer = [maps.of(x) for x in around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)]
+    sure = _trust(outer)
+    needed = TUNING.clear_surer * sure
+    enough, hidden = TUNING.clear_alone
+    if needed > TUNING.clear_most or (sure > enough and hidden_share(capture, outer) < hidden):
         return ()
     cameras = _looking(layers, capture, settings)
     views = [maps.of(x.scaled(TUNING.clear_size / x.width)) for x in cameras]

@@ -72,7 +72,7 @@ def surface_rows(points: Points, rows: Int, normal: F64, offset: float, toleranc
     goes_on = np.abs(dot(points.normal, normal)) > TUNING.plane_goes_on
     around = np.flatnonzero((np.abs(off) < TUNING.plane_fades_to * tolerance) & goes_on)
     around = around[~np.isin(around, rows)]
-    for k in np.flatnonzero(kept[: own.max() + 1] & (held[: own.max() + 1] > 0)):
+    for k in np.flatnonzero(kept & (np.bincount(own, minlength=len(kept)) >= TUNING.plane_few)):
         some = rows[own == k]
         bent = _bent(points, some, normal) > TUNING.plane_bent * tolerance
         kept[k] = not (bent or _fades(points.at[some], points.at[around], normal, tolerance))

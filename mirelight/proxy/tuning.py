@@ -63,6 +63,7 @@ class Tuning:
     plane_fades: float = 0.78
     plane_fades_to: float = 4.0  # tolerances off it, and
     plane_goes_on: float = 0.5  # cosine between normals: it goes on
+    plane_few: int = 50  # points: pieces of fewer are not asked, as they move a plane hardly
     plane_large: int = 600  # cells: what is larger and lies in a plane is one, as a ceiling, of which 0.87 goes on
     plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
     plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24

@@ -54,8 +54,8 @@ class Tuning:
     plane_cosine: float = 0.85  # between the normals of points and their plane
     # share of the surface: smaller ones are left to what is free, as slices of a biker are, of 0.004 to 0.02
     plane_least: float = 0.02
-    # radians from middle to rim: what turns more is round (a ball's caps 0.3, walls 0.05, a blurred plinth's 0.16)
-    plane_turn: float = 0.2
+    # radians from middle to rim: what turns more is round (a ball's caps 0.17 and more, walls 0.05, blurred ones 0.16)
+    plane_turn: float = 0.165
     # tolerances, by which a piece of a plane is bent, as a deviation: slices of statues 0.35 to 0.41, all else to 0.26
     plane_bent: float = 0.3
     # of the rim of a small piece, past which the surface goes on near its plane: a beard, a chest and a bust's sides

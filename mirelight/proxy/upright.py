@@ -17,7 +17,7 @@ from mirelight.base import conventions
 from mirelight.base.together import each
 from mirelight.model import F64, Camera
 from mirelight.proxy.capture import Capture
-from mirelight.proxy.depth import DepthMap, DepthMaps, points_of
+from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, points_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
@@ -70,7 +70,8 @@ def seen_surface(capture: Capture, cameras: Sequence[Camera], settings: ProxySet
     maps, size = DepthMaps(capture, settings, middle=True), TUNING.upright_pixels
     chosen = [x.scaled(size / max(x.width, x.height)) for x in evenly(cameras, TUNING.upright_views)]
     views = chosen or around(capture.splats.means, capture.radius, TUNING.upright_views, size)
-    smooth = each(partial(slanted, noise=capture.spacing), [maps.of(x) for x in views])
+    grain = max(capture.spacing, TUNING.make_grain * footprint(views, capture.splats.means))  # of a rough lawn, none
+    smooth = each(partial(slanted, noise=grain), [maps.of(x) for x in views])
     return Seen.of(smooth, around=not chosen)
 
 

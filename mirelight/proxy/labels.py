@@ -94,7 +94,7 @@ def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
 def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float) -> tuple[Int, F32]:
     """(H, W) the plane that each pixel lies on, the number of planes: none, -1: on one, past its end, where nothing is.
     And how sure that is, 0..1."""
-    _, directions = rays(view.camera)
+    origins, directions = rays(view.camera)
     there, trust = view.depth > 0, view.trust
     reach = np.float32(2 * tolerance) + view.spread
     offs = [
@@ -118,7 +118,6 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
     volume = np.stack([*costs, free], axis=0).astype(np.float32)
     smooth = _smoothed(volume, view.color)
     first = np.argmin(smooth, axis=0)
-    origins, _ = rays(view.camera)
     for k, (flat, depth) in enumerate(zip(flats, depths, strict=True)):
         if flat.bound is not None:  # the other plane has what is past it
             past = (depth > 0) & ~flat.within(origins + directions * depth[..., None])

@@ -101,10 +101,12 @@ def _fades(piece: F64, around: F64, normal: F64, tolerance: float) -> bool:
     own, there = np.zeros((2, *(i.max(axis=0) + 3 - low)), bool)
     own[tuple((i - low).T)] = True
     own = binary_closing(own)
+    if own.sum() >= TUNING.plane_large:
+        return False
     other = other[((other >= low) & (other < low + own.shape)).all(axis=1)] - low
     there[tuple(other.T)] = True
     rim = binary_dilation(own, np.ones((3, 3), bool)) & ~own
-    return bool(own.sum() < TUNING.plane_large and there[rim].mean() > TUNING.plane_fades)
+    return bool(there[rim].mean() > TUNING.plane_fades)
 
 
 def one_piece(points: Points, rows: Int, normal: F64, tolerance: float) -> Bool:

@@ -46,21 +46,38 @@ def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
         hangs = (view.depth > 0) & (view.trust < TUNING.sky_trust)
         if hangs.any():
             _, directions = rays(view.camera)
-            hangs &= ~np.any([_depth(view, flat, directions) > 0 for flat in flats], axis=0)
+            hangs &= ~np.any([depth_of(view, flat, directions) > 0 for flat in flats], axis=0)
         return int(hangs.sum())
 
     deep = sum(each(hanging, views))
     return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
 
 
-def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky) -> DepthMap:
+@dataclass(frozen=True, slots=True, eq=False)
+class Labels:
+    """Which plane each pixel of a view lies on."""
+
+    plane: Int  # (H, W) its place among the planes; their number: on none; -1: on one, past its end, where nothing is
+    sure: F32  # (H, W) how sure that is, 0..1
+
+
+def labelled(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> Labels:
+    """The planes that a view's pixels lie on, for all that it shows itself."""
+    _, directions = rays(view.camera)
+    return Labels(*_labels(view, flats, [depth_of(view, flat, directions) for flat in flats], tolerance))
+
+
+def flattened(
+    view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky, labels: Labels | None = None
+) -> DepthMap:
     """The view with the pixels that lie on planes moved onto them; they count in full. Others show no surface where
-    there is less trust in them than in a sky's fog."""
+    there is less trust in them than in a sky's fog. `labels`: None: those of the view itself."""
     from scipy.ndimage import binary_fill_holes
 
+    labels = labels or labelled(view, flats, tolerance)
+    label, sure = labels.plane, labels.sure
     _, directions = rays(view.camera)
-    depths = [_depth(view, flat, directions) for flat in flats]
-    label, sure = _labels(view, flats, depths, tolerance)
+    depths = [depth_of(view, flat, directions) for flat in flats]
     solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
     shown = (trust >= sky.least(view, directions)) & (label >= 0)
@@ -77,7 +94,7 @@ def flattened(view: DepthMap, flats: Sequence[Flat], tolerance: float, sky: Sky)
     return replace(view, depth=np.where(shown, depth, np.float32(0)), normal=normal, trust=trust)
 
 
-def _depth(view: DepthMap, flat: Flat, directions: F64) -> F32:
+def depth_of(view: DepthMap, flat: Flat, directions: F64) -> F32:
     """(H, W) depth of a plane where it has cells, else 0."""
     origins, _ = rays(view.camera)
     facing = dot(directions, flat.normal)

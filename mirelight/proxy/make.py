@@ -18,6 +18,7 @@ from mirelight.model import F64, Camera, ProxyMesh, SplatCloud
 from mirelight.proxy.capture import Capture, density, look_at_capture
 from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
+from mirelight.proxy.dents import filled
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
 from mirelight.proxy.detail import Core, core_of, others, with_core
 from mirelight.proxy.ends import ended
@@ -27,7 +28,7 @@ from mirelight.proxy.ground import carried_on, closer
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
-from mirelight.proxy.labels import Sky, flattened, fog_of
+from mirelight.proxy.labels import Sky, flattened, fog_of, labelled
 from mirelight.proxy.lids import closed_by, covered, lids_of
 from mirelight.proxy.mirrors import mirroring, mirrors_of
 from mirelight.proxy.nets import surface_of
@@ -35,6 +36,7 @@ from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.stereo import agreed
+from mirelight.proxy.sweep import Sweep
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
@@ -110,7 +112,7 @@ def make(
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
         up = held_up(cameras) if cameras else _stands(views, around=not there)
         found = _fused(capture, views, up, part(report, 0.55, 0.75))
-        soup, shown, mirrors = found.soup, [] if found.sky.fog else found.views, found.mirrors
+        soup, shown, mirrors = found.soup, found.shown, found.mirrors
         if there and (core := core_of(capture, there)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
     if not len(soup.faces):
@@ -174,6 +176,18 @@ class _Fused:
     flats: list[Flat]
     mirrors: list[Flat]
     sky: Sky
+    sweep: Sweep
+    room: bool  # one with windows
+
+    @property
+    def shown(self) -> list[DepthMap]:
+        """What tells which space is open: where there is a sky, the surface alone.
+
+        In a room with windows, which are known, all else is shut: what is dark needs no splats before black.
+        """
+        if self.sky.fog:
+            return []
+        return [replace(view, alpha=np.ones_like(view.alpha)) for view in self.views] if self.room else self.views
 
 
 def _of_one_picture(splats: SplatCloud, camera: Camera, source: str | Path) -> tuple[Capture, list[Camera]]:
@@ -200,6 +214,8 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
+    sweep = Sweep.of(views, flats, capture.spacing)
+    views, flats = each(sweep.moved, views), sweep.flats
     sky = Sky(fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
@@ -207,15 +223,26 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     if sky.fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
     flats = ended(flats)
-    on_planes = partial(flattened, flats=flats, tolerance=TUNING.plane_tolerance * capture.spacing, sky=sky)
-    views = each(on_planes, views, part(report, 0.2, 0.3), "moving pixels onto planes")
+    views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3))
     cell = TUNING.cell * capture.spacing
     grid = fuse(views, capture.half, cell, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
     soup = _surface(grid, flats)
     for window in windows:
         soup = soup.beside(window.solid())
-    return _Fused(soup, views, flats, list(mirrors.values()), sky)
+    kept = [sweep.along(mirror) for mirror in mirrors.values()]
+    return _Fused(soup, views, flats, kept, sky, sweep, bool(windows))
+
+
+def _on_planes(
+    views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, sky: Sky, report: ShareProgress
+) -> list[DepthMap]:
+    """The views with the pixels that lie on planes moved onto them."""
+    tolerance = TUNING.plane_tolerance * spacing
+    labels = each(lambda view: labelled(view, flats, tolerance), views, report, "moving pixels onto planes")
+    labels = filled(views, labels, flats, tolerance)
+    pairs = list(zip(views, labels, strict=True))
+    return each(lambda pair: flattened(pair[0], flats, tolerance, sky, pair[1]), pairs)
 
 
 def _surface(grid: Grid, flats: Sequence[Flat]) -> Soup:
@@ -240,11 +267,12 @@ def _detailed(
     views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown, *smooth)
     if found.mirrors:
         views = each(lambda view: covered(view, found.mirrors, core.spacing), views)
-    views = agreed(views, settings, core.spacing, part(report, 0.2, 0.6), guessed=guessed)
+    views = agreed(views, settings, core.spacing, part(report, 0.2, 0.5), guessed=guessed)
+    views = each(found.sweep.moved, views)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
     flats = ended([*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more])
-    views = each(lambda view: flattened(view, flats, tolerance, found.sky), views)
+    views = _on_planes(views, flats, core.spacing, found.sky, part(report, 0.5, 0.6))
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     return with_core(found.soup, _surface(grid, flats), core, TUNING.cell * capture.spacing)
 

@@ -100,12 +100,13 @@ def _sampled(picture: F32, shape: tuple[int, ...]) -> F32:
 
 
 def _without_gaps(depth: F32, view: DepthMap | None) -> F32:
-    """Depths (H, W) with those of a depth map, of any size, where there are none."""
+    """Depths (H, W) with those of a depth map, of any size, where there are none; NaN where it is opaque and has
+    none."""
     if view is None:
         return depth
     own = _sampled(view.depth, depth.shape)
-    opaque = (own > 0) & (_sampled(view.alpha, depth.shape) > TUNING.depth_opaque)
-    return np.where(np.isinf(depth) & opaque, own, depth)
+    gap = np.isinf(depth) & (_sampled(view.alpha, depth.shape) > TUNING.depth_opaque)
+    return np.where(gap, np.where(own > 0, own, np.float32(np.nan)), depth)
 
 
 def _at_pixels(camera: Camera, depth: F32, at: F32) -> tuple[F32, F32]:

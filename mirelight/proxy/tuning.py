@@ -393,6 +393,7 @@ class Tuning:
     # of cost, by which a plane must beat none to have a pixel wholly: what rises from it slowly has no step there
     label_sure: float = 0.1
     label_apart: float = 3.0  # tolerances between a pixel and the plane: fog, of which nobody knows where it hangs
+    label_dent: float = 6.0  # tolerances behind a plane: what few views see so far behind it is a dent, and none
     label_rounds: int = 3  # of finding where a ray meets a ground that is not flat
     label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
 

@@ -157,6 +157,14 @@ PLANS = (
         "glazed", "glazed", "glazed, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
     ),
     _Plan(
+        "polished",
+        "polished",
+        "polished stone, trained",
+        "clear day",
+        ("low sun", "clouds", "lamp"),
+        shooting=Shooting(sky=True),
+    ),
+    _Plan(
         "yard",
         "yard",
         "yard, trained",
@@ -213,6 +221,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "sunroom": ((1.65, 1.5, 1.4), (-0.75, 0.75, -0.6), 58),
     "plinth": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "glazed": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
+    "polished": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
     "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),

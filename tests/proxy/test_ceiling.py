@@ -116,6 +116,9 @@ def test_nothing_was_seen_through_a_gap_where_splats_show_something() -> None:
     seen = DepthMap(camera, three, one, far.reshape(80, 120).astype(np.float32), three, one, one)
     free, shown = Pictures.of([camera], pierced, [seen]).states(behind, 0.0)
     assert shown.all() and not free.any()
+    nothing = replace(seen, depth=np.zeros_like(seen.depth))  # opaque, and nobody knows how far away
+    free, shown = Pictures.of([camera], pierced, [nothing]).states(behind, 0.0)
+    assert not shown.any() and not free.any()
 
 
 def test_a_proxy_of_splats_says_how_high_and_can_go_without() -> None:

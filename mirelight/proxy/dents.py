@@ -7,11 +7,10 @@ whatever stands there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirelight.base.together import each
 from mirelight.model import F64
@@ -21,8 +20,6 @@ from mirelight.proxy.labels import Labels, depth_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import dot, length, rays
-
-Bool = NDArray[np.bool_]
 
 
 def filled(
@@ -36,17 +33,17 @@ def filled(
         flats: the planes that they tell of.
         tolerance: from a plane to what lies on it, world units.
     """
-
-    def voted(k: int) -> list[F64]:
-        return [dent.votes() for dent in _dents(views[k], labels[k], flats, tolerance)]
-
-    lead = [np.sum(of_plane, axis=0) for of_plane in zip(*each(voted, range(len(views))), strict=True)]
+    lead = [np.zeros(flat.there.size) for flat in flats]
+    found = each(lambda k: _dents(views[k], labels[k], flats, tolerance), range(len(views)))
+    for of_view in found:
+        for total, dent in zip(lead, of_view, strict=True):
+            total[dent.cells] += dent.votes
 
     def settled(k: int) -> Labels:
         plane, sure = labels[k].plane.copy(), labels[k].sure.copy()
-        for j, dent in enumerate(_dents(views[k], labels[k], flats, tolerance)):
-            held = dent.behind & (lead[j][dent.cell[..., 0], dent.cell[..., 1]] > 0)
-            plane[held], sure[held] = j, 1
+        for j, dent in enumerate(found[k]):
+            held = dent.behind[lead[j][dent.over] > 0]
+            plane.ravel()[held], sure.ravel()[held] = j, 1
         return Labels(plane, sure)
 
     return each(settled, range(len(views)))
@@ -54,34 +51,34 @@ def filled(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Dent:
-    """Where a view looks at a plane."""
+    """What a view tells of a plane."""
 
-    cell: Int  # (H, W, 2) of the plane
-    on: Bool  # (H, W) pixels that lie on it
-    behind: Bool  # (H, W) those that lie on none, a little behind it
-    facing: F64  # (H, W) cosine between the ray and the plane: from aslant all looks even
-    shape: tuple[int, ...]  # of the plane's cells
-
-    def votes(self) -> F64:
-        """(I, J) how much the view is for cells of the plane, -1 to 1."""
-        total, count = np.zeros(self.shape), np.zeros(self.shape)
-        for pixels, vote in ((self.on, 1), (self.behind, -1)):
-            cells = tuple(self.cell[pixels].T)
-            np.add.at(total, cells, vote * self.facing[pixels])
-            np.add.at(count, cells, 1)
-        return np.asarray(total / np.maximum(count, 1))
+    cells: Int  # (C,) those of the plane's that it sees
+    votes: F64  # (C,) how much it is for them, -1 to 1
+    behind: Int  # (M,) pixels that lie on no plane, a little behind this one
+    over: Int  # (M,) the cells that they are seen through
 
 
-def _dents(view: DepthMap, labels: Labels, flats: Sequence[Flat], tolerance: float) -> Iterator[_Dent]:
+def _dents(view: DepthMap, labels: Labels, flats: Sequence[Flat], tolerance: float) -> list[_Dent]:
     """Of each plane."""
     origins, directions = rays(view.camera)
+    plane, away, ways = labels.plane.ravel(), view.depth.ravel(), directions.reshape(-1, 3)
+    starts = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
+    none, out = len(flats), list[_Dent]()
     for k, flat in enumerate(flats):
-        depth = depth_of(view, flat, directions)
-        at = origins + directions * depth[..., None]
-        slope = np.abs(dot(directions, flat.normal))
-        there = (depth > 0) & (view.depth > 0) & flat.within(at)
-        off = (view.depth - depth) * slope / tolerance
-        behind = there & (labels.plane == len(flats)) & (off > 0) & (off < TUNING.label_dent)
-        yield _Dent(
-            flat.cells(at)[0], there & (labels.plane == k), behind, slope / length(directions), flat.there.shape
-        )
+        depth = depth_of(view, flat, directions).ravel()
+        rows = np.flatnonzero((depth > 0) & (away > 0) & ((plane == k) | (plane == none)))
+        slope = np.abs(dot(ways[rows], flat.normal))
+        off = (away[rows] - depth[rows]) * slope / tolerance
+        asked = (plane[rows] == k) | (off > 0) & (off < TUNING.label_dent)
+        rows, slope = rows[asked], slope[asked]
+        at = starts[rows] + ways[rows] * depth[rows, None]
+        within = flat.within(at)
+        rows, slope = rows[within], slope[within]
+        i, _ = flat.cells(at[within])
+        cell, behind = i[:, 0] * flat.there.shape[1] + i[:, 1], plane[rows] == none
+        vote = np.where(behind, -1, 1) * slope / length(ways[rows])  # from aslant all looks even
+        total, count = (np.bincount(cell, x, flat.there.size) for x in (vote, None))
+        seen = np.flatnonzero(count)
+        out.append(_Dent(seen, total[seen] / count[seen], rows[behind], cell[behind]))
+    return out

@@ -52,7 +52,7 @@ def test_a_wall_without_a_pattern_stays() -> None:
 
 
 def test_a_wall_that_is_right_stays() -> None:
-    right = [replace(x, depth=x.depth + BEFORE * _slant(x)) for x in (view(eye) for eye in EYES)]
+    right = [replace(x, depth=(x.depth + BEFORE * _slant(x)).astype("f4")) for x in (view(eye) for eye in EYES)]
     assert Sweep.of(right, [wall(0.0)], SPACING).steps == (0.0,)
 
 

@@ -29,7 +29,7 @@ class Sweep:
     """How far planes are from where pictures agree."""
 
     seen: tuple[Flat, ...]  # the planes as depth maps show them
-    steps: tuple[float, ...]  # how far each is to be moved along its normal, world units; 0: pictures do not tell
+    steps: tuple[float, ...]  # how far each is to be moved along its normal, world units
     spacing: float  # of the splats, world units
 
     @staticmethod
@@ -41,8 +41,13 @@ class Sweep:
             flats: the planes.
             spacing: of the splats, world units.
         """
-        drawn = each(_drawn, views)
-        return Sweep(tuple(flats), tuple(each(lambda flat: _step(views, drawn, flat, spacing), flats)), spacing)
+        drawn, eye = each(_drawn, views), np.median([view.camera.position for view in views], axis=0)
+        fronts = [float(np.sign(flat.off(eye))) for flat in flats]
+        found = each(lambda k: _step(views, drawn, flats[k], fronts[k], spacing), range(len(flats)))
+        told = [step for step in found if step is not None]
+        usual = float(np.median(told)) if told else 0.0  # fog is about as thick on all walls of a room
+        steps = (front * (usual if step is None else step) for front, step in zip(fronts, found, strict=True))
+        return Sweep(tuple(flats), tuple(steps), spacing)
 
     @property
     def flats(self) -> list[Flat]:
@@ -122,8 +127,9 @@ class _Picture:
         return out, there
 
 
-def _step(views: Sequence[DepthMap], drawn: Sequence[F32], flat: Flat, spacing: float) -> float:
-    """How far along a plane's normal views agree best; 0 where that tells nothing."""
+def _step(views: Sequence[DepthMap], drawn: Sequence[F32], flat: Flat, front: float, spacing: float) -> float | None:
+    """How far along a plane's normal times `front` views agree best; 0 where they hardly agree anywhere, or no better
+    than where it is; None where they do so everywhere alike."""
     at = _points(flat)
     pictures = [_Picture.of(view, x, flat, spacing) for view, x in zip(views, drawn, strict=True)]
     pictures = [x for x in pictures if x.read(at)[1].mean() > SWEEP.sweep_share]
@@ -131,10 +137,13 @@ def _step(views: Sequence[DepthMap], drawn: Sequence[F32], flat: Flat, spacing: 
         return 0.0
     pictures = pictures[:: -(-len(pictures) // SWEEP.sweep_views)]
     steps = np.arange(-SWEEP.sweep_most, SWEEP.sweep_most + 1) * SWEEP.sweep_step * spacing
-    alike = np.array([_agreement(pictures, at + step * flat.normal) for step in steps])
+    alike = np.array([_agreement(pictures, at + front * step * flat.normal) for step in steps])
     best = int(alike.argmax())
-    gain = alike[best] - alike[SWEEP.sweep_most]
-    if best in (0, len(steps) - 1) or alike[best] < SWEEP.sweep_alike or gain < SWEEP.sweep_gain:
+    if alike[best] < SWEEP.sweep_alike:
+        return 0.0
+    if alike[best] - max(alike[0], alike[-1]) < SWEEP.sweep_even:
+        return None
+    if alike[best] - alike[SWEEP.sweep_most] < SWEEP.sweep_gain:
         return 0.0
     before, peak, after = alike[best - 1 : best + 2]
     between = 0.5 * (before - after) / (before - 2 * peak + after)  # the top of the parabola through all three

@@ -25,6 +25,7 @@ class SweepTuning:
     sweep_fewest: int = 3  # views
     sweep_alike: float = 0.6  # how much of what views show is the same to all, at best: on statues seen by guess 0.5
     sweep_gain: float = 0.025  # more than where the plane is: to 0.018 where that is right, else 0.027 to 0.36
+    sweep_even: float = 0.15  # more than 4.5 spacings off: less tells nothing, as 0.09 and 0.10 do; else 0.3 to 0.7
     sweep_reach: float = 2.0  # from a plane, and its fog, to what is moved along with it
     sweep_facing: float = 0.7  # cosine between its normal and theirs
 

@@ -18,18 +18,18 @@ BEFORE = 1.5 * SPACING  # how far before the wall its fog is seen
 EYES = tuple((x, y, 2.0 + 0.2 * y) for x in (-1.2, -0.4, 0.5, 1.3) for y in (-0.5, 0.6))
 
 
-def drawn(at: F64) -> F64:
-    """Display values of strokes on the wall z = 0 at points (..., 3)."""
-    return np.asarray(0.5 + 0.1 * np.sin(11 * at[..., 0]) * np.cos(8 * at[..., 1] + at[..., 0]))
+def drawn(at: F64, often: float) -> F64:
+    """Display values of strokes on the wall z = 0 at points (..., 3), by how many there are."""
+    return np.asarray(0.5 + 0.1 * np.sin(often * at[..., 0]) * np.cos(0.7 * often * at[..., 1] + at[..., 0]))
 
 
-def view(eye: tuple[float, float, float], contrast: float = 1.0) -> DepthMap:
+def view(eye: tuple[float, float, float], contrast: float = 1.0, often: float = 11.0, noise: float = 0.003) -> DepthMap:
     """The wall's picture, and the depth of its fog."""
     camera = Camera.look_at(eye, (0, 0, 0), 160, 120, yfov=50)
     origins, ways = rays(camera)
     true, fog = ((z - origins[..., 2]) / ways[..., 2] for z in (0.0, BEFORE))
-    light = 0.5 + contrast * (drawn(origins + ways * true[..., None]) - 0.5)
-    light = light + np.random.default_rng(int(abs(100 * eye[0]))).normal(scale=0.003, size=light.shape)
+    light = 0.5 + contrast * (drawn(origins + ways * true[..., None], often) - 0.5)
+    light = light + np.random.default_rng(int(abs(100 * eye[0]))).normal(scale=noise, size=light.shape)
     color = np.repeat(light[..., None], 3, axis=2).astype(np.float32)
     normal = np.broadcast_to(np.array([0, 0, 1], np.float32), color.shape)
     one = np.ones(light.shape, np.float32)
@@ -49,6 +49,20 @@ def test_a_wall_is_where_what_is_drawn_on_it_is_to_all_pictures() -> None:
 
 def test_a_wall_without_a_pattern_stays() -> None:
     assert Sweep.of([view(eye, contrast=0.0) for eye in EYES], [wall()], SPACING).steps == (0.0,)
+
+
+def test_a_wall_that_is_alike_everywhere_is_as_far_off_as_others() -> None:
+    """What is on it changes so slowly that it is the same wherever it is read."""
+    slow = [view(eye, often=0.5, noise=0.0) for eye in EYES]
+    assert Sweep.of(slow, [wall()], SPACING).steps == (0.0,)  # there are no others
+    sharp = [view(eye) for eye in EYES]
+    left, right = (replace(wall(), low=np.array([k, -6]), there=np.ones((6, 12), bool)) for k in (-6, 4))
+    for k, one in enumerate(sharp):
+        origins, ways = rays(one.camera)
+        past = (origins + ways * one.depth[..., None])[..., 0] > 0.05  # where the strokes end
+        sharp[k] = replace(one, color=np.where(past[..., None], slow[k].color, one.color))
+    first, second = Sweep.of(sharp, [left, right], SPACING).steps
+    assert first == second == pytest.approx(-BEFORE, abs=0.1 * SPACING)
 
 
 def test_a_wall_that_is_right_stays() -> None:

@@ -111,7 +111,7 @@ def make(
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
         up = held_up(cameras) if cameras else _stands(views, around=not there)
-        found = _fused(capture, views, up, part(report, 0.55, 0.75))
+        found = _fused(capture, views, up, part(report, 0.55, 0.75), guessed=not cameras)
         soup, shown, mirrors = found.soup, found.shown, found.mirrors
         if there and (core := core_of(capture, there)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
@@ -202,8 +202,9 @@ def _stands(views: Sequence[DepthMap], *, around: bool) -> F64 | None:
     return found.way if found and not found.doubt else None
 
 
-def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: ShareProgress) -> _Fused:
-    """By smoothed depth maps, each point of the surface in some of them; `up` (3,) unit, None: not known."""
+def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: ShareProgress, *, guessed: bool) -> _Fused:
+    """By smoothed depth maps, each point of the surface in some of them; `up` (3,) unit, None: not known. What guessed
+    views show agrees where the splats are, as no picture was taken from there."""
     report("finding planes", 0.0)
     flats = flats_of(views, capture.spacing, capture.radius)
     if mirrors := mirrors_of(views, flats, capture.spacing):
@@ -214,7 +215,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
-    sweep = Sweep.of(views, flats, capture.spacing)
+    sweep = Sweep.of([] if guessed else views, flats, capture.spacing)
     views, flats = each(sweep.moved, views), sweep.flats
     sky = Sky(fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):

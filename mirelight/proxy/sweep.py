@@ -37,10 +37,12 @@ class Sweep:
         """Of planes that views show.
 
         Args:
-            views: maps of a capture, as its splats show it.
+            views: maps of a capture, as its splats show it; none: all planes stay.
             flats: the planes.
             spacing: of the splats, world units.
         """
+        if not views:
+            return Sweep(tuple(flats), (0.0,) * len(flats), spacing)
         drawn, eye = each(_drawn, views), np.median([view.camera.position for view in views], axis=0)
         fronts = [float(np.sign(flat.off(eye))) for flat in flats]
         found = each(lambda k: _step(views, drawn, flats[k], fronts[k], spacing), range(len(flats)))

@@ -18,6 +18,7 @@ from mirelight.compositor import Compositor
 from mirelight.model import F32, F64, Camera, CompositorSettings
 from mirelight.proxy.capture import Capture, take
 from mirelight.proxy.depth import layered, pixels_of
+from mirelight.proxy.guess_tuning import GUESS
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import from_points, moved, turned
@@ -30,11 +31,11 @@ class ClearSplats:
     """
 
     def __init__(self, capture: Capture, settings: ProxySettings) -> None:
-        step = max(len(capture.splats) // TUNING.clear_splats, 1)
+        step = max(len(capture.splats) // GUESS.clear_splats, 1)
         few = take(capture.splats, np.arange(0, len(capture.splats), step))
         few = layered(replace(few, scales=few.scales * np.float32(np.sqrt(step))), TUNING.depth_sharper)
         self._means, self._near = few.means, 1e-3 * capture.radius
-        self._sides = from_points(np.zeros((1, 3)), TUNING.clear_pixels, self._near)
+        self._sides = from_points(np.zeros((1, 3)), GUESS.clear_pixels, self._near)
         once = CompositorSettings(max_memory=free_memory())  # asked at each of thousands of looks, it takes a tenth
         self._compositor = Compositor(few, once, variant=settings.variant, threads=settings.threads)
 
@@ -50,8 +51,8 @@ class ClearSplats:
         for camera, layer, clear in self._looks(place):
             pixel = pixels_of(camera, turned(offsets, camera.camera_from_world[:3, :3].astype(np.float32)))
             at = np.maximum(pixel, 0)
-            there = np.abs(away - layer.ravel()[at]) < TUNING.clear_noise
-            seen |= (pixel >= 0) & there & (clear.ravel()[at] > TUNING.clear_least)
+            there = np.abs(away - layer.ravel()[at]) < GUESS.clear_noise
+            seen |= (pixel >= 0) & there & (clear.ravel()[at] > GUESS.clear_least)
         return seen
 
     def _looks(self, place: F64) -> Iterator[tuple[Camera, F32, F32]]:
@@ -62,7 +63,7 @@ class ClearSplats:
             layer, sums = self._compositor.composite_with(camera, values, depth=False)
             alpha = 1 - layer.transmittance
             mean, square = (sums[..., k] / np.maximum(alpha, np.float32(1e-6)) for k in (0, 1))
-            blended = np.maximum(square - mean * mean, 0) / np.float32(TUNING.clear_noise**2)
+            blended = np.maximum(square - mean * mean, 0) / np.float32(GUESS.clear_noise**2)
             yield (
                 camera,
                 mean.astype(np.float32),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.model import F64
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.guess_tuning import GUESS
 
 
 def on_dome(means: F64) -> NDArray[np.bool_]:
@@ -20,26 +20,26 @@ def on_dome(means: F64) -> NDArray[np.bool_]:
     """
     middle = np.median(means, axis=0)
     away = np.linalg.norm(means - middle, axis=1)
-    inside = away < TUNING.dome_between * np.quantile(away, 1 - TUNING.dome_stray)
-    if inside.mean() < TUNING.dome_things:
+    inside = away < GUESS.dome_between * np.quantile(away, 1 - GUESS.dome_stray)
+    if inside.mean() < GUESS.dome_things:
         return np.zeros(len(means), bool)
     middle = np.median(means[inside], axis=0)  # of the things: a half dome has its own middle above them
     ways = means - middle
     away = np.linalg.norm(ways, axis=1)
-    far = float(np.quantile(away, 1 - TUNING.dome_stray))
-    shell = away > TUNING.dome_thick * far
-    between = ~shell & (away > TUNING.dome_between * far)
+    far = float(np.quantile(away, 1 - GUESS.dome_stray))
+    shell = away > GUESS.dome_thick * far
+    between = ~shell & (away > GUESS.dome_between * far)
     things = ~shell & ~between
-    if not things.any() or far < TUNING.dome_far * float(np.median(away[things])):
+    if not things.any() or far < GUESS.dome_far * float(np.median(away[things])):
         return np.zeros(len(means), bool)
-    if between.sum() > TUNING.dome_empty * shell.sum() or _covered(ways[shell]) < TUNING.dome_covered:
+    if between.sum() > GUESS.dome_empty * shell.sum() or _covered(ways[shell]) < GUESS.dome_covered:
         return np.zeros(len(means), bool)
     return np.asarray(shell)
 
 
 def _covered(ways: F64) -> float:
     """Of the half of the sphere that ways (N, 3) fill best, across any axis, the share that they fill."""
-    cells = TUNING.dome_cells
+    cells = GUESS.dome_cells
     unit = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
     best = 0.0
     for axis in range(3):

@@ -23,6 +23,7 @@ from mirelight.model import F64, Camera, OwnSplats, SplatCloud
 from mirelight.proxy.capture import Capture, look_at_capture
 from mirelight.proxy.clear import ClearSplats
 from mirelight.proxy.depth import DepthMap, DepthMaps
+from mirelight.proxy.guess_tuning import GUESS
 from mirelight.proxy.inside import hidden_share
 from mirelight.proxy.one_picture import takers
 from mirelight.proxy.sampling import far_apart
@@ -141,28 +142,28 @@ def _by_colours(splats: SplatCloud, capture: Capture) -> _Colours | None:
         return None
     means = splats.means.astype(np.float64) - capture.middle
     rows = _asked(means, splats, capture, (splats.sh[:, 1:] != 0).any(axis=(1, 2)))
-    if len(rows) < TUNING.guess_fewest:
+    if len(rows) < GUESS.guess_fewest:
         return None
     rest = (splats.sh[rows, 1:].astype(np.float64) * colour.REC709_LUMINANCE).sum(axis=2)
     size = np.sqrt((rest**2).sum(axis=1, keepdims=True) / (4 * np.pi))
     large = rest / np.maximum(size, 1e-30)
-    return _Colours(means[rows], large, degree, TUNING.guess_grid, TUNING.guess_around, TUNING.guess_worth)
+    return _Colours(means[rows], large, degree, GUESS.guess_grid, GUESS.guess_around, GUESS.guess_worth)
 
 
 def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers | None:
     means = capture.splats.means.astype(np.float64)
     rows = _asked(means, capture.splats, capture, True)
-    if len(rows) < TUNING.guess_fewest:
+    if len(rows) < GUESS.guess_fewest:
         return None
     clear = ClearSplats(capture, settings)
-    return _Layers(means[rows], clear, TUNING.clear_grid, TUNING.clear_around, TUNING.clear_worth)
+    return _Layers(means[rows], clear, GUESS.clear_grid, GUESS.clear_around, GUESS.clear_worth)
 
 
 def _asked(means: F64, splats: SplatCloud, capture: Capture, part: NDArray[np.bool_] | bool) -> NDArray[np.int64]:
     """(M,) rows of some splats of a part (N,) that are opaque and not far off; means (N, 3) in the capture's space."""
-    near = (np.abs(means) <= capture.half).all(axis=1) & (splats.opacities > TUNING.guess_opaque)
+    near = (np.abs(means) <= capture.half).all(axis=1) & (splats.opacities > GUESS.guess_opaque)
     rows = np.flatnonzero(near & part)
-    return rows[:: max(len(rows) // TUNING.guess_sample, 1)]
+    return rows[:: max(len(rows) // GUESS.guess_sample, 1)]
 
 
 def _looking(told: _Told, capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
@@ -180,16 +181,16 @@ def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
     if (layers := _by_layers(capture, settings)) is None:
         return ()
     maps = DepthMaps(capture, settings)
-    outer = [maps.of(x) for x in around(capture.splats.means, capture.radius, TUNING.clear_judged, TUNING.clear_size)]
+    outer = [maps.of(x) for x in around(capture.splats.means, capture.radius, GUESS.clear_judged, GUESS.clear_size)]
     sure = _trust(outer)
-    needed = TUNING.clear_surer * sure
-    enough, hidden = TUNING.clear_alone
-    if needed > TUNING.clear_most or (sure > enough and hidden_share(capture, outer) < hidden):
+    needed = GUESS.clear_surer * sure
+    enough, hidden = GUESS.clear_alone
+    if needed > GUESS.clear_most or (sure > enough and hidden_share(capture, outer) < hidden):
         return ()
     cameras = _looking(layers, capture, settings)
-    views = [maps.of(x.scaled(TUNING.clear_size / x.width)) for x in cameras]
-    clear = _trust(views[:: -(-len(views) // TUNING.clear_judged) or 1]) > needed
-    return cameras if clear and hidden_share(capture, views) < TUNING.clear_hidden else ()
+    views = [maps.of(x.scaled(GUESS.clear_size / x.width)) for x in cameras]
+    clear = _trust(views[:: -(-len(views) // GUESS.clear_judged) or 1]) > needed
+    return cameras if clear and hidden_share(capture, views) < GUESS.clear_hidden else ()
 
 
 def _trust(views: Sequence[DepthMap]) -> float:
@@ -203,17 +204,17 @@ def _places(told: _Told, capture: Capture, settings: ProxySettings) -> F64:
     shells = list(_candidates(capture, told))
     worths = [np.array([told.worth(place) for place in shell]) for shell in shells]
     best = max(float(x.max()) for x in worths)
-    if worths[-1].max() > TUNING.guess_alone * best:
+    if worths[-1].max() > GUESS.guess_alone * best:
         # a thing alone: directions tell all, and people stood as far off as shows all of it
         candidates, worth = shells[-1], worths[-1]
     else:
         # far off, a place is told by its direction alone: nearer ones that are as good show more
-        farthest = next(k for k, x in enumerate(worths) if x.max() > TUNING.guess_near * best)
+        farthest = next(k for k, x in enumerate(worths) if x.max() > GUESS.guess_near * best)
         candidates, worth = (np.concatenate(x[: farthest + 1]) for x in (shells, worths))
-    if best < TUNING.guess_clear * float(np.median(worth)):
+    if best < GUESS.guess_clear * float(np.median(worth)):
         return np.zeros((0, 3))
-    left = _some(candidates[worth > told.share * best], TUNING.guess_tried)
-    return _some(_with_room(left, capture, settings), TUNING.guess_places)
+    left = _some(candidates[worth > told.share * best], GUESS.guess_tried)
+    return _some(_with_room(left, capture, settings), GUESS.guess_places)
 
 
 def _some(places: F64, most: int) -> F64:
@@ -225,8 +226,8 @@ def _some(places: F64, most: int) -> F64:
 
 
 def _camera(place: F64, way: F64, capture: Capture, name: str) -> Camera:
-    size = TUNING.guess_pixels
-    return Camera.look_at(place, place + way, size, size, yfov=TUNING.guess_yfov, near=1e-3 * capture.radius, name=name)
+    size = GUESS.guess_pixels
+    return Camera.look_at(place, place + way, size, size, yfov=GUESS.guess_yfov, near=1e-3 * capture.radius, name=name)
 
 
 def _with_room(places: F64, capture: Capture, settings: ProxySettings) -> F64:
@@ -234,12 +235,12 @@ def _with_room(places: F64, capture: Capture, settings: ProxySettings) -> F64:
     compositor = Compositor(capture.splats, variant=settings.variant, threads=settings.threads)
     nearest, middle = [], []
     for place in places:
-        views = (_camera(place, way, capture, "") for way in lattice(TUNING.guess_sides))
-        depth = np.concatenate([compositor.composite(x.scaled(TUNING.guess_small)).median_depth.ravel() for x in views])
+        views = (_camera(place, way, capture, "") for way in lattice(GUESS.guess_sides))
+        depth = np.concatenate([compositor.composite(x.scaled(GUESS.guess_small)).median_depth.ravel() for x in views])
         seen = depth[depth > 0]
         nearest.append(float(np.quantile(seen, 0.1)) if len(seen) else 0.0)
         middle.append(float(np.median(seen)) if len(seen) else 0.0)
-    return places[np.array(nearest) > TUNING.guess_room * np.median(middle or [0.0])]
+    return places[np.array(nearest) > GUESS.guess_room * np.median(middle or [0.0])]
 
 
 def _candidates(capture: Capture, told: _Told) -> Iterator[F64]:
@@ -249,27 +250,27 @@ def _candidates(capture: Capture, told: _Told) -> Iterator[F64]:
     """
     means = capture.splats.means.astype(np.float64)
     _, axes = np.linalg.eigh(np.cov(means.T))
-    low, high = np.quantile(means @ axes, [TUNING.guess_stray, 1 - TUNING.guess_stray], axis=0)
+    low, high = np.quantile(means @ axes, [GUESS.guess_stray, 1 - GUESS.guess_stray], axis=0)
     middle, half = (low + high) / 2, (high - low) / 2
     longest = float(half.max())
-    wide = np.maximum(half, TUNING.guess_flat * longest)
+    wide = np.maximum(half, GUESS.guess_flat * longest)
     step = 2 * longest / told.grid
     lines = [m + np.arange(-h + step / 2, h, step) for m, h in zip(middle, wide, strict=True)]
     yield np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3) @ axes.T
-    for away in TUNING.guess_away:
+    for away in GUESS.guess_away:
         yield away * capture.radius * lattice(told.around)
 
 
 def _views(told: _Told, places: F64) -> Iterator[tuple[F64, F64]]:
     """Places (3,) and unit directions of views: each shows as much as it can of what those before it show least of."""
-    ways = lattice(TUNING.guess_ways)
-    narrow = np.cos(np.radians(TUNING.guess_yfov / 2))
+    ways = lattice(GUESS.guess_ways)
+    narrow = np.cos(np.radians(GUESS.guess_yfov / 2))
     shown = []  # by view: the splats that it shows
     for place in places:
         away, there = _ways(place, told.means), told.shown(place)
         shown += [there & ((away * way).sum(axis=1) > narrow) for way in ways]
     seen, times = np.array(shown, np.float32).reshape(-1, len(told.means)), np.zeros(len(told.means), np.float32)
-    for _ in range(min(TUNING.guess_views, len(seen))):
+    for _ in range(min(GUESS.guess_views, len(seen))):
         worth = (seen / (1 + times)).sum(axis=1)
         k = int(np.argmax(worth))
         times += seen[k]

@@ -14,7 +14,7 @@ import numpy as np
 from mirelight.base import conventions
 from mirelight.model import F64, Camera, SplatCloud
 from mirelight.model.scene import SOLID
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.guess_tuning import GUESS
 from mirelight.proxy.views import from_points
 
 _LAYERS = 2  # splats of a pixel: on what is seen, and behind it
@@ -28,17 +28,17 @@ def takers(splats: SplatCloud) -> tuple[Camera, ...]:
         splats: in the axes of their file, looked at along Z; or turned, as a world with Y up.
     """
     means = splats.means.astype(np.float64)
-    if len(means) < TUNING.taker_fewest:
+    if len(means) < GUESS.taker_fewest:
         return ()
     ahead = 1.0 if np.median(means[:, 2]) > 0 else -1.0
     before = ahead * means[:, 2] > 0
-    if before.mean() > TUNING.taker_before:
+    if before.mean() > GUESS.taker_before:
         one = _picture(means[before], ahead)
         return () if one is None else (one,)
     if not _all_round(means):
         return ()
     size = np.sqrt(len(means) / _LAYERS / 6)
-    return tuple(from_points(np.zeros((1, 3)), int(min(size, TUNING.taker_most)), _near(means)))
+    return tuple(from_points(np.zeros((1, 3)), int(min(size, GUESS.taker_most)), _near(means)))
 
 
 def without_far(splats: SplatCloud, cameras: Sequence[Camera]) -> SplatCloud:
@@ -49,23 +49,23 @@ def without_far(splats: SplatCloud, cameras: Sequence[Camera]) -> SplatCloud:
     (camera,) = cameras
     depth = (splats.means.astype(np.float64) - camera.position) @ -camera.world_from_camera[:3, 2]
     shown = (splats.opacities >= SOLID) & (depth > 0)
-    near = float(np.quantile(depth[shown], TUNING.taker_near)) if shown.any() else np.inf
-    return replace(splats, opacities=np.where(depth > TUNING.taker_far * near, np.float32(0), splats.opacities))
+    near = float(np.quantile(depth[shown], GUESS.taker_near)) if shown.any() else np.inf
+    return replace(splats, opacities=np.where(depth > GUESS.taker_far * near, np.float32(0), splats.opacities))
 
 
 def _picture(means: F64, ahead: float) -> Camera | None:
     """The camera whose pixels are as even as splats (N, 3) before the origin, along Z by the sign; None: no pixels."""
     depth = ahead * means[:, 2]
     across, down = means[:, 0] / depth, ahead * means[:, 1] / depth
-    cut = [TUNING.taker_stray, 1 - TUNING.taker_stray]
+    cut = [GUESS.taker_stray, 1 - GUESS.taker_stray]
     (left, right), (top, bottom) = np.quantile(across, cut), np.quantile(down, cut)
     wide, high = right - left, bottom - top
-    if not (left < 0 < right and top < 0 < bottom and wide < TUNING.taker_widest and high < TUNING.taker_widest):
+    if not (left < 0 < right and top < 0 < bottom and wide < GUESS.taker_widest and high < GUESS.taker_widest):
         return None
-    if not _uneven(across, down, (left, right), (top, bottom)) < TUNING.taker_even:
+    if not _uneven(across, down, (left, right), (top, bottom)) < GUESS.taker_even:
         return None
     # to a tangent of 1
-    pixels = min(np.sqrt(len(means) / _LAYERS / (wide * high)), TUNING.taker_most / max(wide, high))
+    pixels = min(np.sqrt(len(means) / _LAYERS / (wide * high)), GUESS.taker_most / max(wide, high))
     turned = np.diag([1.0, -ahead, -ahead])  # a camera looks along -Z with +Y up
     return Camera(
         world_from_camera=conventions.compose(rotation=turned),
@@ -88,7 +88,7 @@ def _all_round(means: F64) -> bool:
         for sign in (1.0, -1.0):
             side = means[(largest == axis) & (sign * means[:, axis] > 0)]
             one, two = (side[:, (axis + k) % 3] / np.abs(side[:, axis]) for k in (1, 2))
-            if not _uneven(one, two, (-1, 1), (-1, 1), len(means) / 6) < TUNING.taker_round:
+            if not _uneven(one, two, (-1, 1), (-1, 1), len(means) / 6) < GUESS.taker_round:
                 return _rows(means)
     return True
 
@@ -97,7 +97,7 @@ def _rows(means: F64) -> bool:
     """As :func:`_all_round`, of rows and columns."""
     away = np.maximum(np.linalg.norm(means, axis=1), 1e-300)
     height, turn = np.arcsin(np.clip(means[:, 1] / away, -1, 1)), np.arctan2(means[:, 0], means[:, 2])
-    return _uneven(turn, height, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2)) < TUNING.taker_round
+    return _uneven(turn, height, (-np.pi, np.pi), (-np.pi / 2, np.pi / 2)) < GUESS.taker_round
 
 
 def _uneven(
@@ -105,11 +105,11 @@ def _uneven(
 ) -> float:
     """How far from even points lie in a rectangle: of how many a cell has, the deviation by the mean; `expected`: of
     how many they should be in all."""
-    cells = TUNING.taker_cells
+    cells = GUESS.taker_cells
     held, _, _ = np.histogram2d(x, y, bins=cells, range=[wide, high])
     mean = held.mean() if expected is None else expected / cells**2
     return float(np.sqrt(np.mean((held - mean) ** 2)) / mean)
 
 
 def _near(means: F64) -> float:
-    return 1e-3 * float(np.quantile(np.linalg.norm(means, axis=1), TUNING.taker_near))
+    return 1e-3 * float(np.quantile(np.linalg.norm(means, axis=1), GUESS.taker_near))

@@ -18,12 +18,13 @@ from mirelight.base.together import each
 from mirelight.model import F64, Camera
 from mirelight.proxy.capture import Capture
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, points_of
+from mirelight.proxy.guess_tuning import GUESS
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import around, evenly, lattice
 
-_FLAT, _STEEP = np.cos(np.radians(TUNING.upright_cone)), np.sin(np.radians(TUNING.upright_cone))
+_FLAT, _STEEP = np.cos(np.radians(GUESS.upright_cone)), np.sin(np.radians(GUESS.upright_cone))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,9 +49,9 @@ class Seen:
     @staticmethod
     def of(views: Sequence[DepthMap], *, around: bool) -> Seen:
         """What smoothed views see."""
-        parts = [points_of(x, max(x.camera.width // TUNING.upright_pixels, 1)) for x in views]
+        parts = [points_of(x, max(x.camera.width // GUESS.upright_pixels, 1)) for x in views]
         at, normal, trust = (np.concatenate(x) for x in zip(*parts, strict=True))
-        step = max(len(at) // TUNING.upright_sample, 1)
+        step = max(len(at) // GUESS.upright_sample, 1)
         weight = trust[::step].astype(np.float64)
         eyes = np.array([x.camera.position for x in views])
         return Seen(at[::step], normal[::step], weight / max(float(weight.sum()), 1e-30), eyes, around)
@@ -67,9 +68,9 @@ class Seen:
 
 def seen_surface(capture: Capture, cameras: Sequence[Camera], settings: ProxySettings) -> Seen:
     """What some of the cameras, in the capture's space, see of it; views from around where there are none."""
-    maps, size = DepthMaps(capture, settings, middle=True), TUNING.upright_pixels
-    chosen = [x.scaled(size / max(x.width, x.height)) for x in evenly(cameras, TUNING.upright_views)]
-    views = chosen or around(capture.splats.means, capture.radius, TUNING.upright_views, size)
+    maps, size = DepthMaps(capture, settings, middle=True), GUESS.upright_pixels
+    chosen = [x.scaled(size / max(x.width, x.height)) for x in evenly(cameras, GUESS.upright_views)]
+    views = chosen or around(capture.splats.means, capture.radius, GUESS.upright_views, size)
     grain = max(capture.spacing, TUNING.make_grain * footprint(views, capture.splats.means))  # of a rough lawn, none
     smooth = each(partial(slanted, noise=grain), [maps.of(x) for x in views])
     return Seen.of(smooth, around=not chosen)
@@ -83,20 +84,20 @@ def upright(seen: Seen, usual: F64 | None = None) -> Upright | None:
         usual: (3,) unit, up as a format mostly has it: of directions for which nearly as much speaks, one along it;
             None: any may be.
     """
-    ways = lattice(TUNING.upright_ways)
+    ways = lattice(GUESS.upright_ways)
     worth = np.array([_worth(seen, way) for way in ways])
-    if not worth.max() > TUNING.upright_clear * np.median(worth):  # a ball, fog, or nothing is seen
+    if not worth.max() > GUESS.upright_clear * np.median(worth):  # a ball, fog, or nothing is seen
         return None
-    worth *= 1 + TUNING.upright_level * (1 - _spread(seen.eyes, ways))
+    worth *= 1 + GUESS.upright_level * (1 - _spread(seen.eyes, ways))
     if usual is not None:
-        worth *= np.where(np.abs(ways @ usual) > np.cos(np.radians(TUNING.upright_usual)), TUNING.upright_habit, 1)
+        worth *= np.where(np.abs(ways @ usual) > np.cos(np.radians(GUESS.upright_usual)), GUESS.upright_habit, 1)
     best = int(np.argmax(worth))
-    other = np.abs(ways @ ways[best]) < np.cos(np.radians(TUNING.upright_apart))
+    other = np.abs(ways @ ways[best]) < np.cos(np.radians(GUESS.upright_apart))
     way = _levelled(seen, ways[best])
     up, down, steep = seen.facing(way)
     side = _side(seen, way)
     doubt = ""
-    if worth[other].max() * TUNING.upright_surer > worth[best]:
+    if worth[other].max() * GUESS.upright_surer > worth[best]:
         doubt = "as much of the surface speaks for another way"
     elif side == 0:
         doubt = "nothing tells the floor from the ceiling"
@@ -119,7 +120,7 @@ def _spread(eyes: F64, ways: F64) -> F64:
 
 def _levelled(seen: Seen, way: F64) -> F64:
     """The direction (3,) near one that floors face and walls stand along best: least squares, again and again."""
-    for _ in range(TUNING.upright_rounds):
+    for _ in range(GUESS.upright_rounds):
         up, down, steep = seen.facing(way)
         flat, tall = ((seen.normal[x] * seen.weight[x, None]).T @ seen.normal[x] for x in (up | down, steep))
         _, vectors = np.linalg.eigh(tall - flat)
@@ -137,18 +138,18 @@ def _side(seen: Seen, way: F64) -> int:
     more, less = sorted((seen.share(up), seen.share(down)))[::-1]
     if not more:
         return 0
-    if less < TUNING.upright_ceiling * more:
+    if less < GUESS.upright_ceiling * more:
         return 1 if seen.share(up) > seen.share(down) else -1
     height = seen.at @ way
     floor, ceiling = float(np.median(height[up])), float(np.median(height[down]))
     tall = float(np.ptp(np.quantile(height, [0.01, 0.99])))
-    if abs(ceiling - floor) < TUNING.upright_thin * tall:  # one sheet, from both sides
-        higher = seen.share(height > floor + TUNING.upright_thin * tall)
-        lower = seen.share(height < floor - TUNING.upright_thin * tall)
+    if abs(ceiling - floor) < GUESS.upright_thin * tall:  # one sheet, from both sides
+        higher = seen.share(height > floor + GUESS.upright_thin * tall)
+        lower = seen.share(height < floor - GUESS.upright_thin * tall)
         return int(np.sign(higher - lower))
-    between = np.abs(height - (floor + ceiling) / 2) < (0.5 - TUNING.upright_thin) * abs(ceiling - floor)
-    things = between & (np.abs(seen.normal @ way) > TUNING.upright_wall)
-    if seen.share(things) < TUNING.upright_things:
+    between = np.abs(height - (floor + ceiling) / 2) < (0.5 - GUESS.upright_thin) * abs(ceiling - floor)
+    things = between & (np.abs(seen.normal @ way) > GUESS.upright_wall)
+    if seen.share(things) < GUESS.upright_things:
         return 0
     mean = float(np.average(height[things], weights=seen.weight[things]))
     return int(np.sign((floor + ceiling) / 2 - mean))

@@ -26,7 +26,7 @@ from mirelight.model import (
     SplatLayer,
 )
 from mirelight.proxy.capture_views import capture_views
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.guess_tuning import GUESS
 
 SETTINGS = RenderSettings(seed=1)
 DAY = Lighting(name="day", environment=Environment(radiance=np.ones((1, 1, 3), np.float32)))
@@ -150,7 +150,7 @@ def test_discs_are_not_looked_at() -> None:
 
 def test_where_no_camera_is_known_or_guessed_nothing_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     """Splats of plain colours are looked at from where they look clear, here of few places."""
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(TUNING, clear_grid=6))
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(GUESS, clear_grid=6))
     assert capture_views(fuzzy(), (), guess=tuple) == ()
     assert {view.camera.name.split("-")[0] for view in capture_views(fuzzy(), ())} == {"guessed"}
 

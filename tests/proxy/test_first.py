@@ -32,19 +32,19 @@ from mirelight.model import AreaLight, Camera, PointLight, ProxyMesh, SplatCloud
 from mirelight.pipeline.scene import prepare
 from mirelight.proxy import make
 from mirelight.proxy.capture import take
-from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.guess_tuning import GUESS
 
 from .clouds import ball, box_shell, fog, joined, on_surface, square
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
-FEW = replace(TUNING, clear_grid=5, clear_judged=8, guess_tried=24)
+FEW = replace(GUESS, clear_grid=5, clear_judged=8, guess_tried=24)
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _guessed_of_few() -> Iterator[None]:
     """Where a capture was taken from is guessed of few places: `test_guessed.py` tests how well."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mirelight.proxy.guessed.TUNING", FEW)
+        patch.setattr("mirelight.proxy.guessed.GUESS", FEW)
         yield
 
 

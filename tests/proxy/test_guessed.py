@@ -23,14 +23,14 @@ from mirelight.pipeline.codecs import Codec
 from mirelight.pipeline.scene import prepare
 from mirelight.proxy import ProxySettings, make
 from mirelight.proxy.capture import Capture, look_at_capture, take
+from mirelight.proxy.guess_tuning import GUESS
 from mirelight.proxy.guessed import guessed, taken_from
-from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import lattice, moved
 
 from .clouds import ball, box_shell, joined, on_surface, sphere_points, square
 
 SETTINGS = ProxySettings()
-FEW = replace(TUNING, guess_sample=600)
+FEW = replace(GUESS, guess_sample=600)
 RING = np.stack(
     [2.2 * np.sin(np.arange(24) * np.pi / 12), np.full(24, 1.0), 2.2 * np.cos(np.arange(24) * np.pi / 12)], 1
 )
@@ -41,7 +41,7 @@ WALLS = box_shell(8.0, 0.4, thin=0.3, faces=(0, 1, 4, 5))  # what stands round i
 @pytest.fixture(autouse=True)
 def fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     """A seventh of the splats is asked: these scenes have little noise."""
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", FEW)
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", FEW)
 
 
 def thing() -> SplatCloud:
@@ -95,7 +95,7 @@ def test_a_thing_alone_is_looked_at_as_a_whole() -> None:
     away = np.linalg.norm(eyes, axis=1)
     sides = RING - (0, 0.5, 0)
     cosine = eyes / away[:, None] @ (sides / np.linalg.norm(sides, axis=1, keepdims=True)).T
-    assert np.abs(away / capture.radius - TUNING.guess_away[-1]).max() < 1e-6
+    assert np.abs(away / capture.radius - GUESS.guess_away[-1]).max() < 1e-6
     assert np.degrees(np.arccos(np.median(cosine.max(axis=1)))) < 20
 
 
@@ -120,7 +120,7 @@ def junk(points: F64) -> SplatCloud:
 
 
 def test_where_colours_tell_nothing_it_is_told_by_how_clear_things_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, clear_grid=7, guess_tried=48))
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, clear_grid=7, guess_tried=48))
     ground = junk(np.random.default_rng(2).uniform((-2.4, -0.6, -2.4), (2.4, -0.1, 2.4), (800, 3)))
     _, cameras = found(joined(thing(), ground))
     eyes = np.array([x.position for x in cameras])
@@ -137,7 +137,7 @@ def test_colours_that_are_as_large_in_all_directions_tell_nothing() -> None:
 
 
 def test_a_room_of_plain_colours_is_looked_at_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, clear_grid=5))
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, clear_grid=5))
     sides = np.random.default_rng(4).uniform(-2.5, 2.5, (6000, 3))
     _, cameras = found(joined(box_shell(4.0, 0.16, thin=0.3), junk(sides[np.abs(sides).max(axis=1) > 2.15])))
     assert cameras
@@ -247,7 +247,7 @@ def test_a_first_picture_has_things_whole() -> None:
 
 def test_a_proxy_is_made_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """The walls of a room stand where they are, seen from inside."""
-    monkeypatch.setattr("mirelight.proxy.guessed.TUNING", replace(FEW, guess_views=24, guess_pixels=80))
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, guess_views=24, guess_pixels=80))
     shell = box_shell(4.0, 0.16, thin=0.3)
     inside = np.random.default_rng(5).uniform(-0.8, 0.8, (30, 3))
     cloud = coloured(replace(shell, opacities=np.full(len(shell), 0.8, np.float32)), inside, closed=False)

@@ -132,6 +132,8 @@ class _Picture:
 def _step(views: Sequence[DepthMap], drawn: Sequence[F32], flat: Flat, front: float, spacing: float) -> float | None:
     """How far along a plane's normal times `front` views agree best; 0 where they hardly agree anywhere, or no better
     than where it is; None where they do so everywhere alike."""
+    if not flat.there.any():
+        return 0.0
     at = _points(flat)
     pictures = [_Picture.of(view, x, flat, spacing) for view, x in zip(views, drawn, strict=True)]
     pictures = [x for x in pictures if x.read(at)[1].mean() > SWEEP.sweep_share]

@@ -47,7 +47,9 @@ def test_a_wall_is_where_what_is_drawn_on_it_is_to_all_pictures() -> None:
     assert sweep.flats[0].offset == pytest.approx(0, abs=0.1 * SPACING)
 
 
-def test_a_wall_without_a_pattern_stays() -> None:
+def test_a_wall_without_a_pattern_or_without_cells_stays() -> None:
+    nowhere = replace(wall(), there=np.zeros((12, 12), bool))
+    assert Sweep.of([view(eye) for eye in EYES], [nowhere], SPACING).steps == (0.0,)
     assert Sweep.of([view(eye, contrast=0.0) for eye in EYES], [wall()], SPACING).steps == (0.0,)
 
 

@@ -61,6 +61,9 @@ class GuessTuning:
     # which way is up in what views see (upright.py)
     upright_views: int = 32  # that are looked through
     upright_pixels: int = 96  # along the longer side of one
+    # of these pixels, to the finest that tells a normal: by 0.75 rough grass is no ground (a robot's lawn), by two
+    # pixels a man is a block that stands on his head, and a guitar lies on its side
+    upright_grain: float = 1.25
     upright_sample: int = 15_000  # points of the surface
     upright_ways: int = 3_000  # directions that are tried
     upright_cone: float = 8.0  # degrees by which what faces a direction, or stands along it, may be off

@@ -20,7 +20,6 @@ from mirelight.proxy.capture import Capture
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, points_of
 from mirelight.proxy.guess_tuning import GUESS
 from mirelight.proxy.slanted import slanted
-from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import around, evenly, lattice
 
@@ -71,7 +70,7 @@ def seen_surface(capture: Capture, cameras: Sequence[Camera], settings: ProxySet
     maps, size = DepthMaps(capture, settings, middle=True), GUESS.upright_pixels
     chosen = [x.scaled(size / max(x.width, x.height)) for x in evenly(cameras, GUESS.upright_views)]
     views = chosen or around(capture.splats.means, capture.radius, GUESS.upright_views, size)
-    grain = max(capture.spacing, TUNING.make_grain * footprint(views, capture.splats.means))  # of a rough lawn, none
+    grain = max(capture.spacing, GUESS.upright_grain * footprint(views, capture.splats.means))
     smooth = each(partial(slanted, noise=grain), [maps.of(x) for x in views])
     return Seen.of(smooth, around=not chosen)
 

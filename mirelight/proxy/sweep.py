@@ -1,8 +1,8 @@
 """Planes put where pictures agree on what they show of them (a plane sweep: Collins, 1996).
 
 Of a wall that has hardly a pattern an optimiser makes a layer of fog, and what is seen of that is its front. So a room
-comes out too small, by one to two spacings all round: a lamp close to its ceiling may hang above it. What little is drawn on a
-wall tells where it is: read there, it is in the same place to all pictures.
+comes out too small, by one to two spacings all round: a lamp close to its ceiling may hang above it. What little is
+drawn on a wall tells where it is: read there, it is in the same place to all pictures.
 """
 
 from __future__ import annotations

@@ -64,9 +64,12 @@ class Flat:
     def middles(self) -> F64:
         """(I J, 3) of the cells."""
         i = np.stack(np.meshgrid(*(np.arange(n) for n in self.there.shape), indexing="ij"), axis=-1).reshape(-1, 2)
-        places = (i + self.low + 0.5) * self.cell
-        high = self.offset if self.lift is None else self.offset + self.lift.reshape(-1, 1)
-        return np.asarray(places[:, :1] * self.axes[0] + places[:, 1:] * self.axes[1] + self.normal * high)
+        return self.at(np.add(i, 0.5, dtype=np.float64), 0.0 if self.lift is None else self.lift.reshape(-1, 1))
+
+    def at(self, places: F64, high: F64 | float = 0.0) -> F64:
+        """(N, 3) the points so many cells from the first along both axes (N, 2), `high` (N, 1) before the plane."""
+        along, far = (places + self.low) * self.cell, self.offset + high
+        return np.asarray(along[:, :1] * self.axes[0] + along[:, 1:] * self.axes[1] + self.normal * far)
 
     def off(self, points: F64) -> F64:
         """(...,) distances of points (..., 3), signed."""

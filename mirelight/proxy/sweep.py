@@ -158,9 +158,7 @@ def _points(flat: Flat) -> F64:
     """(N, 3) points strewn over the cells where a plane is."""
     rng = np.random.default_rng(0)
     cells = np.argwhere(flat.there)
-    own = cells[rng.integers(len(cells), size=SWEEP.sweep_points)] + rng.random((SWEEP.sweep_points, 2))
-    place = (own + flat.low) * flat.cell
-    return np.asarray(place[:, :1] * flat.axes[0] + place[:, 1:] * flat.axes[1] + flat.normal * flat.offset)
+    return flat.at(cells[rng.integers(len(cells), size=SWEEP.sweep_points)] + rng.random((SWEEP.sweep_points, 2)))
 
 
 def _agreement(pictures: Sequence[_Picture], at: F64) -> float:

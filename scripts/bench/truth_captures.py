@@ -153,16 +153,11 @@ PLANS = (
         )
         for called, trainer in OTHER_TRAINERS
     ),
-    _Plan(
-        "glazed", "glazed", "glazed, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
-    ),
-    _Plan(
-        "polished",
-        "polished",
-        "polished stone, trained",
-        "clear day",
-        ("low sun", "clouds", "lamp"),
-        shooting=Shooting(sky=True),
+    *(
+        _Plan(
+            scene, scene, f"{called}, trained", "clear day", ("low sun", "clouds", "lamp"), shooting=Shooting(sky=True)
+        )
+        for scene, called in (("glazed", "glazed"), ("polished", "polished stone"))
     ),
     _Plan(
         "yard",

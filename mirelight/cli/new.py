@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +35,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     options.add_json(parser)
 
 
+_DIRECTORY = "out"
+
+
 def run_new(args: argparse.Namespace) -> int:
     """The command. What was found goes to stdout."""
     from mirelight.apps.first_job import Wish, job_for
@@ -44,7 +48,7 @@ def run_new(args: argparse.Namespace) -> int:
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
     objects = tuple(_object(x) for x in args.objects)
-    wish = Wish(light=args.light, objects=objects, estimated=True)
+    wish = Wish(light=args.light, objects=objects, estimated=True, directory=_directory(out))
     with bar(args.json) as progress:
         found = job_for(_capture(args.capture), out.parent, wish, progress)
     write_file(out, found.text)
@@ -52,6 +56,23 @@ def run_new(args: argparse.Namespace) -> int:
     go_on = f"{out} is written; go on with: mirelight render {shlex.quote(str(out))}"
     say.outcome(args, {"files": [out], "notes": notes}, [*notes, go_on])
     return 0
+
+
+def _directory(job: Path) -> str:
+    """A folder for a job's frames that no other job beside it has: frames of one name would replace each other."""
+    for other in job.parent.glob("*.toml"):
+        try:
+            taken = tomllib.loads(other.read_text("utf-8"))["output"]["directory"]
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            TypeError,
+        ):  # no job, or one that is said to be wrong when it is rendered
+            continue
+        if taken == _DIRECTORY:
+            return f"{_DIRECTORY}-{job.stem}"
+    return _DIRECTORY
 
 
 COMMAND = Command(

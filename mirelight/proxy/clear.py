@@ -8,7 +8,6 @@ afar a capture fills few directions.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +15,10 @@ from numpy.typing import NDArray
 from mirelight.base.machine import free_memory
 from mirelight.compositor import Compositor
 from mirelight.model import F32, F64, Camera, CompositorSettings
-from mirelight.proxy.capture import Capture, take
+from mirelight.proxy.capture import Capture
 from mirelight.proxy.depth import layered, pixels_of
 from mirelight.proxy.guess_tuning import GUESS
+from mirelight.proxy.joining import joined
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import from_points, moved, turned
@@ -27,13 +27,14 @@ from mirelight.proxy.views import from_points, moved, turned
 class ClearSplats:
     """A capture's splats as they are looked at from places.
 
-    Of many splats some stand for all, so much larger that they cover as much.
+    Of many splats neighbours are joined. Some of them that stand for all, as much larger as covers as much, fill the
+    rooms of a flat.
     """
 
     def __init__(self, capture: Capture, settings: ProxySettings) -> None:
-        step = max(len(capture.splats) // GUESS.clear_splats, 1)
-        few = take(capture.splats, np.arange(0, len(capture.splats), step))
-        few = layered(replace(few, scales=few.scales * np.float32(np.sqrt(step))), TUNING.depth_sharper)
+        many = len(capture.splats) > GUESS.clear_splats
+        few = joined(capture.splats, GUESS.clear_splats) if many else capture.splats
+        few = layered(few, TUNING.depth_sharper)
         self._means, self._near = few.means, 1e-3 * capture.radius
         self._sides = from_points(np.zeros((1, 3)), GUESS.clear_pixels, self._near)
         once = CompositorSettings(max_memory=free_memory())  # asked at each of thousands of looks, it takes a tenth

@@ -40,19 +40,28 @@ class GuessTuning:
     guess_pixels: int = 280  # along a side
 
     # how clear a capture looks (`clear`)
-    clear_splats: int = 30_000  # that stand for all
+    # that neighbours are joined down to: of a flat with eight rooms, places in them have 0.67 (the median) and places
+    # outside 0.12; with 200,000 0.79 and 0.15 in 1.6 times the time, with 40,000 0.58 and 0.1
+    clear_splats: int = 100_000
     clear_pixels: int = 40  # along a side of the six pictures of all directions
     clear_noise: float = 0.15  # of the logarithm of distances: what a clear layer blends
     clear_least: float = 0.3  # clear enough to have been seen: it blends one and a half times that
     clear_grid: int = 10  # candidates along the box's longest side
+    clear_fewest: int = 500  # of them, in the box
+    clear_far: float = 0.02  # of the finer half of the splats, that a box about what people stood near leaves out
+    # of the box about all, that it has where it is asked first: a square among towers 0.59, others 0.8 to 0.97
+    clear_near: float = 0.75
     clear_around: int = 12  # around the box, at each distance
     clear_worth: float = 0.6  # of the best, that others have
     clear_judged: int = 16  # views, whose surfaces are held against those of as many from around
-    # times the trust from around, that they have: a toy's inside 0.83, that of a ball of even splats 1.04, rooms 1.17
-    clear_surer: float = 1.1
+    # times the trust from around, that they have, where those hide much, as walls do, and where they show nearly all: a
+    # toy's inside 0.83, that of a ball of even splats 1.04, rooms 1.16; a tall bust from close by 1.21, others 1.28
+    clear_surer: tuple[float, float] = (1.1, 1.25)
+    clear_amid: float = 0.1  # of the splats, that is much: rooms 0.15 to 0.35, things and gardens 0.08 and less
     clear_most: float = 0.8  # that views ever have: where those from around have nearly as much, none are sought
-    # of the splats, that they do not see: from inside of hollow plinths 0.39 to 0.62, in rooms and gardens 0.04 to 0.1
-    clear_hidden: float = 0.2
+    # of the splats, that they do not see, more than views from around: from inside of hollow plinths 0.27 to 0.68, from
+    # one side of a tall thing 0.11, in rooms and gardens 0.07 and less
+    clear_hidden: float = 0.085
     # what views from around are sure of, and hide, where they show all and no others are sought: a robot over a lawn,
     # 0.51 and 0.01; a floor of fuzz 0.48 and 0, a bust 0.42 and 0.07, rooms 0.34 and 0.1, a garden 0.1
     clear_alone: tuple[float, float] = (0.5, 0.02)
@@ -63,19 +72,22 @@ class GuessTuning:
     upright_pixels: int = 96  # along the longer side of one
     # of these pixels, to the finest that tells a normal: by 0.75 rough grass is no ground (a robot's lawn), by two
     # pixels a man is a block that stands on his head, and a guitar lies on its side
-    upright_grain: float = 1.25
+    upright_grain: float = 3.0
     upright_sample: int = 15_000  # points of the surface
     upright_ways: int = 3_000  # directions that are tried
     upright_cone: float = 8.0  # degrees by which what faces a direction, or stands along it, may be off
     upright_apart: float = 25.0  # degrees between axes
     upright_usual: float = 45.0  # degrees from the axis that a format mostly has as up
-    upright_habit: float = 1.1  # what speaks for directions near it, times this
+    # what speaks for directions near it, and near Z, times this: the flattest thing of a guitar is its front
+    upright_habit: tuple[float, float] = (1.5, 1.2)
     upright_level: float = 0.5  # by which more speaks for a direction along which all eyes are as high
-    upright_clear: float = 2.0  # times the median direction's, that the best has: a ball 1.1, captures 3 and more
+    upright_clear: float = 2.6  # times the median direction's, that the best has: a ball 1.1, a man 2.3, others 3.6
     upright_surer: float = 1.05  # times another axis' that it has, or it is a guess
     upright_ceiling: float = 0.5  # of what faces one side of a floor, that faces the other: a closed room
     upright_thin: float = 0.05  # of the height: what lies closer to a floor is on it
     upright_wall: float = 0.2  # cosine between up and what is a wall at the most
+    upright_floor: float = 0.01  # of the surface, that a floor has
+    upright_beside: float = 0.15  # of a room's height: what is closer to its floor or ceiling may be part of it
     upright_things: float = 0.01  # of the surface: things by which floor and ceiling are told apart
     upright_rounds: int = 8  # times that it is levelled
 

@@ -76,6 +76,10 @@ class _Told(Protocol):
         """Places that are asked along the box's longest side."""
 
     @property
+    def fewest(self) -> int:
+        """Places that are asked in the box, flat as it may be; 0: however few."""
+
+    @property
     def around(self) -> int:
         """Places around it, at each distance."""
 
@@ -98,6 +102,7 @@ class _Colours:
     rest: F64  # (N, K) their view-dependent part, of which the square's mean over all directions is 1
     degree: int
     grid: int
+    fewest: int
     around: int
     share: float
 
@@ -120,6 +125,7 @@ class _Layers:
     means: F64
     clear: ClearSplats
     grid: int
+    fewest: int
     around: int
     share: float
 
@@ -147,7 +153,7 @@ def _by_colours(splats: SplatCloud, capture: Capture) -> _Colours | None:
     rest = (splats.sh[rows, 1:].astype(np.float64) * colour.REC709_LUMINANCE).sum(axis=2)
     size = np.sqrt((rest**2).sum(axis=1, keepdims=True) / (4 * np.pi))
     large = rest / np.maximum(size, 1e-30)
-    return _Colours(means[rows], large, degree, GUESS.guess_grid, GUESS.guess_around, GUESS.guess_worth)
+    return _Colours(means[rows], large, degree, GUESS.guess_grid, 0, GUESS.guess_around, GUESS.guess_worth)
 
 
 def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers | None:
@@ -156,7 +162,7 @@ def _by_layers(capture: Capture, settings: ProxySettings) -> _Layers | None:
     if len(rows) < GUESS.guess_fewest:
         return None
     clear = ClearSplats(capture, settings)
-    return _Layers(means[rows], clear, GUESS.clear_grid, GUESS.clear_around, GUESS.clear_worth)
+    return _Layers(means[rows], clear, GUESS.clear_grid, GUESS.clear_fewest, GUESS.clear_around, GUESS.clear_worth)
 
 
 def _asked(means: F64, splats: SplatCloud, capture: Capture, part: NDArray[np.bool_] | bool) -> NDArray[np.int64]:
@@ -173,7 +179,7 @@ def _looking(told: _Told, capture: Capture, settings: ProxySettings) -> tuple[Ca
 
 def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
     """Cameras where it looks clear; none where surfaces are as thin layers from around, or nearly, or are thin enough
-    there and all seen.
+    there and all seen; nor where those places hide more.
 
     From inside of a thing they are thicker, though it fills all directions: nothing told how it is in there. In a
     hollow one, as a plinth, they may be thin, but it hides all else.
@@ -183,14 +189,16 @@ def _clear(capture: Capture, settings: ProxySettings) -> tuple[Camera, ...]:
     maps = DepthMaps(capture, settings)
     outer = [maps.of(x) for x in around(capture.splats.means, capture.radius, GUESS.clear_judged, GUESS.clear_size)]
     sure = _trust(outer)
-    needed = GUESS.clear_surer * sure
-    enough, hidden = GUESS.clear_alone
-    if needed > GUESS.clear_most or (sure > enough and hidden_share(capture, outer) < hidden):
+    hidden = hidden_share(capture, outer)
+    amid, about = GUESS.clear_surer
+    needed = sure * (amid if hidden > GUESS.clear_amid else about)
+    enough, little = GUESS.clear_alone
+    if needed > GUESS.clear_most or (sure > enough and hidden < little):
         return ()
     cameras = _looking(layers, capture, settings)
     views = [maps.of(x.scaled(GUESS.clear_size / x.width)) for x in cameras]
     clear = _trust(views[:: -(-len(views) // GUESS.clear_judged) or 1]) > needed
-    return cameras if clear and hidden_share(capture, views) < GUESS.clear_hidden else ()
+    return cameras if clear and hidden_share(capture, views) < hidden + GUESS.clear_hidden else ()
 
 
 def _trust(views: Sequence[DepthMap]) -> float:
@@ -246,19 +254,45 @@ def _with_room(places: F64, capture: Capture, settings: ProxySettings) -> F64:
 def _candidates(capture: Capture, told: _Told) -> Iterator[F64]:
     """(N, 3) of places in a box about the capture, no flatter than a person stands high, and around it.
 
-    The box lies as the capture does, whose file may have any axes.
+    The box lies as the capture does, whose file may have any axes. Where few places are asked, and what is coarse, as
+    what was seen far off, reaches far beyond the rest, a box about what people stood near comes first.
     """
     means = capture.splats.means.astype(np.float64)
-    _, axes = np.linalg.eigh(np.cov(means.T))
-    low, high = np.quantile(means @ axes, [GUESS.guess_stray, 1 - GUESS.guess_stray], axis=0)
-    middle, half = (low + high) / 2, (high - low) / 2
-    longest = float(half.max())
-    wide = np.maximum(half, GUESS.guess_flat * longest)
-    step = 2 * longest / told.grid
-    lines = [m + np.arange(-h + step / 2, h, step) for m, h in zip(middle, wide, strict=True)]
-    yield np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3) @ axes.T
+    whole = _box(means, GUESS.guess_stray)
+    if told.fewest:
+        size = np.sort(capture.splats.scales, axis=1)[:, 1]
+        near = _box(means[size <= np.median(size)], GUESS.clear_far)
+        if near.half.max() < GUESS.clear_near * whole.half.max():
+            yield near.places(told)
+    yield whole.places(told)
     for away in GUESS.guess_away:
         yield away * capture.radius * lattice(told.around)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Box:
+    """Around most of some points, along their own axes."""
+
+    axes: F64  # (3, 3) columns
+    middle: F64  # (3,) along them
+    half: F64  # (3,)
+
+    def places(self, told: _Told) -> F64:
+        """(N, 3) on a grid, in a box no flatter than a person stands high."""
+        longest = float(self.half.max())
+        wide = np.maximum(self.half, GUESS.guess_flat * longest)
+        step = 2 * longest / told.grid
+        if told.fewest:
+            step = min(step, 2 * float(np.cbrt(wide.prod() / told.fewest)))
+        lines = [m + np.arange(-h + step / 2, h, step) for m, h in zip(self.middle, wide, strict=True)]
+        return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3) @ self.axes.T
+
+
+def _box(points: F64, stray: float) -> _Box:
+    """Of points (N, 3) all but a share at either end."""
+    _, axes = np.linalg.eigh(np.cov(points.T))
+    low, high = np.quantile(points @ axes, [stray, 1 - stray], axis=0)
+    return _Box(axes, (low + high) / 2, (high - low) / 2)
 
 
 def _views(told: _Told, places: F64) -> Iterator[tuple[F64, F64]]:

@@ -89,7 +89,7 @@ def upright(seen: Seen, usual: F64 | None = None) -> Upright | None:
         return None
     worth *= 1 + GUESS.upright_level * (1 - _spread(seen.eyes, ways))
     if usual is not None:
-        worth *= np.where(np.abs(ways @ usual) > np.cos(np.radians(GUESS.upright_usual)), GUESS.upright_habit, 1)
+        worth *= _habit(ways, usual)
     best = int(np.argmax(worth))
     other = np.abs(ways @ ways[best]) < np.cos(np.radians(GUESS.upright_apart))
     way = _levelled(seen, ways[best])
@@ -109,6 +109,13 @@ def _worth(seen: Seen, way: F64) -> float:
     """What speaks for a direction (3,)."""
     up, down, steep = map(seen.share, seen.facing(way))
     return 2 * (up + down if seen.around else up - down) + steep
+
+
+def _habit(ways: F64, usual: F64) -> F64:
+    """(M,) how likely directions (M, 3) are before anything is seen: most formats have one as up, some have Z."""
+    near = np.cos(np.radians(GUESS.upright_usual))
+    habit, other = GUESS.upright_habit
+    return np.where(np.abs(ways @ usual) > near, habit, np.where(np.abs(ways[:, 2]) > near, other, 1.0))
 
 
 def _spread(eyes: F64, ways: F64) -> F64:
@@ -131,24 +138,22 @@ def _side(seen: Seen, way: F64) -> int:
     """1 where up is along a direction (3,), -1 where it is against it; 0: it is not told.
 
     As much may face down as up: a closed room's ceiling, or a floor that is seen from beneath, too. Things stand on a
-    floor.
+    floor, and show their tops; ceilings may have steps and rims, which count as theirs.
     """
     up, down, _ = seen.facing(way)
     more, less = sorted((seen.share(up), seen.share(down)))[::-1]
-    if not more:
+    if more < GUESS.upright_floor:
         return 0
     if less < GUESS.upright_ceiling * more:
         return 1 if seen.share(up) > seen.share(down) else -1
     height = seen.at @ way
     floor, ceiling = float(np.median(height[up])), float(np.median(height[down]))
     tall = float(np.ptp(np.quantile(height, [0.01, 0.99])))
-    if abs(ceiling - floor) < GUESS.upright_thin * tall:  # one sheet, from both sides
+    if ceiling - floor < GUESS.upright_thin * tall:  # a sheet or a slab, from both sides
         higher = seen.share(height > floor + GUESS.upright_thin * tall)
-        lower = seen.share(height < floor - GUESS.upright_thin * tall)
+        lower = seen.share(height < ceiling - GUESS.upright_thin * tall)
         return int(np.sign(higher - lower))
-    between = np.abs(height - (floor + ceiling) / 2) < (0.5 - GUESS.upright_thin) * abs(ceiling - floor)
-    things = between & (np.abs(seen.normal @ way) > GUESS.upright_wall)
-    if seen.share(things) < GUESS.upright_things:
-        return 0
-    mean = float(np.average(height[things], weights=seen.weight[things]))
-    return int(np.sign((floor + ceiling) / 2 - mean))
+    between = np.abs(height - (floor + ceiling) / 2) < (0.5 - GUESS.upright_beside) * abs(ceiling - floor)
+    along = seen.normal @ way
+    tops, undersides = (seen.share(between & (x > GUESS.upright_wall)) for x in (along, -along))
+    return int(np.sign(tops - undersides)) if tops + undersides >= GUESS.upright_things else 0

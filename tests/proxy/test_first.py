@@ -37,7 +37,7 @@ from mirelight.proxy.guess_tuning import GUESS
 from .clouds import ball, box_shell, fog, joined, on_surface, square
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
-FEW = replace(GUESS, clear_grid=5, clear_judged=8, guess_tried=24)
+FEW = replace(GUESS, clear_grid=5, clear_fewest=0, clear_judged=8, guess_tried=24)
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -18,7 +18,7 @@ from mirelight.proxy import ProxySettings
 from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.upright import Seen, Upright, seen_surface, upright
 
-from .clouds import ball, on_surface, sphere_points, square
+from .clouds import ball, joined, on_surface, sphere_points, square
 
 SPREAD = np.array(list(product((-1.0, 1.0), repeat=3)))  # as far apart whichever way
 LEVEL = SPREAD * [1, 0.1, 1]  # eyes of people who walk about
@@ -72,6 +72,29 @@ def test_things_stand_on_the_floor_of_a_closed_room(turn: F64) -> None:
     assert bare is not None and bare.doubt
 
 
+def test_steps_and_rims_of_a_ceiling_are_no_things() -> None:
+    lower = plane((0, -1, 0), (0, 1.7, 0), 2, 600)
+    rim = (plane((0, 1, 0), (0, 1.75, 0), 2, 700)[0], np.tile(conventions.unit([0.6, -0.8, 0]), (700, 1)))
+    for turn in TURNS:
+        found = upright(seen(FLOOR, CEILING, lower, rim, TABLE, *WALLS, FRONT, turn=turn))
+        assert off(found, turn) < 0.3
+        assert found is not None and not found.doubt
+
+
+def test_the_largest_flat_side_of_a_thing_that_stands_is_no_floor_of_it() -> None:
+    """A guitar on its stand: a front and a back, rounded sides, and nothing level."""
+    front, back = plane((1, 0, 0), (0.1, 0, 0), 1, 900), plane((-1, 0, 0), (-0.1, 0, 0), 1, 900)
+    turns = np.random.default_rng(4).uniform(0, 2 * np.pi, 1500)
+    way = np.stack([np.sin(turns), np.zeros(1500), np.cos(turns)], axis=1)
+    sides = way + np.random.default_rng(5).uniform(-1, 1, (1500, 1)) * np.array([0, 1, 0]), way
+    shown = seen(front, back, sides, turn=np.eye(3), eyes=SPREAD, around=True)
+    found = upright(shown, np.array([0.0, 1.0, 0.0]))
+    assert off(found, np.eye(3)) < 1
+    assert found is not None and "floor" in found.doubt
+    anyhow = upright(shown)
+    assert anyhow is not None and abs(anyhow.way[0]) > 0.99
+
+
 @pytest.mark.parametrize("turn", TURNS)
 def test_what_a_sheet_carries_is_above_it_though_it_is_seen_from_both_sides(turn: F64) -> None:
     thing = 0.5 * sphere_points(600)
@@ -118,6 +141,19 @@ def test_splats_on_a_floor_are_brought_upright(turn: tuple[float, float, float])
     found = up.find(splats.transform(thing_on_a_floor(), m), Path("a.ply"))
     assert not found.guessed and "surface" in found.why
     assert found.way @ m[:3, 1] > np.cos(np.radians(1.0))
+
+
+def test_rough_grass_is_a_floor() -> None:
+    chance = np.random.default_rng(7)
+    points = chance.uniform((-2.5, 0, -2.5), (2.5, 0.3, 2.5), (9000, 3))
+    blades = on_surface(points, conventions.unit(chance.normal(size=points.shape)), 0.05, thin=0.3)
+    stone = 0.6 * sphere_points(1500)
+    lawn = joined(blades, on_surface(stone + np.array([0, 0.5, 0]), stone / 0.6, 0.04, thin=0.3))
+    m = np.eye(4)
+    m[:3, :3] = conventions.rotation_from_euler((180, 0, 0))  # as most files have it
+    found = up.find(splats.transform(lawn, m), Path("a.ply"))
+    assert not found.guessed
+    assert found.way @ m[:3, 1] > np.cos(np.radians(3.0))
 
 
 def test_splats_of_one_picture_are_not_rolled() -> None:

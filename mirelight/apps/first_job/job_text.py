@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.apps.first_job import beside, captured, lighting, objects, stage_text, up, view
-from mirelight.apps.first_job.toml_text import Names, position, vector
+from mirelight.apps.first_job.toml_text import Names, position, quoted, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
@@ -37,6 +37,7 @@ class Wish:
     # meshes that are put into the capture, or one node of each; without a light they are lit by its own
     objects: tuple[tuple[Path, str | None], ...] = ()
     estimated: bool = False  # its own light is, where its cameras are known; else an even one is assumed
+    directory: str = "out"  # of the frames
 
     @property
     def as_captured(self) -> bool:
@@ -70,7 +71,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     from mirelight.io import splats
 
     lighting.check(wish.light)  # before the capture is looked at, which takes longer
-    text = None if wish.light or wish.objects else stage_text.of_stage(capture, folder, wish.resolution)
+    text = None if wish.light or wish.objects else stage_text.of_stage(capture, folder, wish.resolution, wish.directory)
     if text is not None:
         return FirstJob(text, stage_text.said(capture), "Its own lights light it as they stand.", ())
     progress("reading the splats", 0.0)
@@ -122,7 +123,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
         *(() if wish.as_captured else lighting.lightings(world, seen, wish.light, lit, dark, level, named)),
         *objects.objects(meshes, seen, named),
         *_sky(known=(known is not None or asked) and not wish.as_captured),
-        *_rest(finer=cameras is not None and _finer(cameras, seen, wish)),
+        *_rest(wish.directory, finer=cameras is not None and _finer(cameras, seen, wish)),
     ]
     notes = (*(str(x) for x in (misfit, unread, *dark) if x is not None), *(x.said for x in meshes if x.said))
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, notes)
@@ -305,7 +306,7 @@ def _sky(*, known: bool) -> Iterator[str]:
         yield 'background = "environment" # splats of the sky follow the new light; a number leaves them as they are'
 
 
-def _rest(*, finer: bool) -> Iterator[str]:
+def _rest(directory: str, *, finer: bool) -> Iterator[str]:
     if finer:
         yield ""
         yield "[compositor]"
@@ -317,4 +318,4 @@ def _rest(*, finer: bool) -> Iterator[str]:
         yield "denoise = true"
     yield ""
     yield "[output]"
-    yield 'directory = "out"'
+    yield f"directory = {quoted(Path(directory))}"

@@ -6,19 +6,20 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-from mirelight.apps.first_job.toml_text import Names
+from mirelight.apps.first_job.toml_text import Names, quoted
 from mirelight.base.errors import printable
 from mirelight.io.suffixes import USD
 from mirelight.io.usd.contents import Contents, contents
 
 
-def of_stage(capture: Path, folder: Path, resolution: tuple[int, int]) -> str | None:
+def of_stage(capture: Path, folder: Path, resolution: tuple[int, int], directory: str) -> str | None:
     """The job's text; None where it is no stage, or one without lights, for which a light is chosen as for any capture.
 
     Args:
         capture: a file of splats.
         folder: where the job will be, which its paths are relative to.
         resolution: width and height of pictures in pixels.
+        directory: of the frames.
 
     Raises:
         InputError: a stage that cannot be used.
@@ -29,7 +30,7 @@ def of_stage(capture: Path, folder: Path, resolution: tuple[int, int]) -> str | 
     if not (found.lamps or found.domes) or not (found.splats or found.meshes):
         return None
     lines = _lines(found, Names(folder)(capture), printable(capture.name), resolution)
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, f"directory = {quoted(Path(directory))}"]) + "\n"
 
 
 def said(path: Path) -> str:
@@ -71,4 +72,3 @@ def _lines(found: Contents, name: str, title: str, resolution: tuple[int, int]) 
         yield "denoise = true"
     yield ""
     yield "[output]"
-    yield 'directory = "out"'

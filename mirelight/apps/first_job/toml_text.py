@@ -28,12 +28,21 @@ class Names:
         self._folder = folder.resolve()
 
     def __call__(self, path: Path) -> str:
-        name = Path(os.path.relpath(path.resolve(), self._folder)).as_posix()
-        try:
-            name.encode()
-        except UnicodeEncodeError:
-            raise InputError(path, "a name that is not UTF-8, which no job can hold", "rename it") from None
-        return json.dumps(name, ensure_ascii=False)
+        return quoted(Path(os.path.relpath(path.resolve(), self._folder)))
+
+
+def quoted(path: Path) -> str:
+    """A path as a job has it.
+
+    Raises:
+        InputError: one that TOML, which is UTF-8, cannot hold.
+    """
+    name = path.as_posix()
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        raise InputError(path, "a name that is not UTF-8, which no job can hold", "rename it") from None
+    return json.dumps(name, ensure_ascii=False)
 
 
 def position(values: F64, seen: view.FirstView) -> str:

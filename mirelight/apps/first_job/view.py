@@ -35,6 +35,7 @@ _HALF_OPEN = 0.2  # alpha that its most open side must have: a skylight, a wall 
 _ROOF = 0.75  # alpha of what is above where people stood in rooms: 0.84 to 0.95; in a street under a white sky to 0.66
 _MOST_EYES = 7  # places where people stood that are asked for walls
 _IN_THE_AIR = 0.6  # of the way from an eye in a room to what it looks at
+_LOW = 0.1  # slope of a level look: people show the floor
 _MOST_CAPTURED = 24  # cameras of the capture that are tried
 _STEEP = 0.95  # of a look straight up or down, beyond which a camera shows no level picture
 _CUT = 8.0  # by how much of e a view is worth less that cuts off as much as it is wide
@@ -45,6 +46,7 @@ _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
 _SKY_WHITE = 0.95  # in all channels, as splats have them: a white sky
 _UP = 4  # of the sides that a room has
+_LITTLE = 1e-6  # worth of a picture in which nothing is clear
 _NOTHING = 0.05  # mean alpha
 _HIGH = 0.6  # sine of the height above which a thing is seen from above
 _FLOATING = 0.1  # of the extent of the middle 98 %: splats further out than this are floaters
@@ -112,17 +114,21 @@ def best(
         else _is_room([compositor.composite(c, depth=True) for c in _around(middle, radius)], radius)
     )
     tried = captured[:: -(-len(captured) // _MOST_CAPTURED) or 1]
-    if not captured and cloud.sh_degree:  # from where plain colours look clear tells nothing of what people aim at
-        tried = [_wide(x) for x in stood_at]
-        if _is_around(compositor, middle, tried):
-            tried = _whole_from(points, middle, tried)
+    if not captured and stood_at:
+        around = _is_around(compositor, middle, stood_at)
+        if not cloud.sh_degree:  # from where plain colours look clear tells nothing of what people aim at
+            tried = [] if around else _about(stood_at)
+        else:
+            tried = _whole_from(points, middle, stood_at) if around else [_wide(x) for x in stood_at]
     views = [x for c in tried if (x := _within(c, radius)) is not None]
     stood = bool(views)
+    amid = stood and not captured and not cloud.sh_degree
     if not stood:
         views = list(_inside(low, high) if room else _outside(points, middle))
 
     def worth(layer: SplatLayer) -> float:
-        score = _score(layer, middle, radius) * (_share(points, layer.camera) if stood else 1)
+        score = _detail(layer) * (1 if amid else _deep(layer, middle, radius))
+        score = (score + _LITTLE) * (_share(points, layer.camera) if stood else 1)
         # who took pictures aimed at things; guessed cameras may have them at the rim
         return score * _whole(layer) if stood and not captured else score
 
@@ -173,6 +179,19 @@ def _ahead(layer: SplatLayer) -> F64:
     shown = layer.median_depth[h // 4 : h - h // 4, w // 4 : w - w // 4]
     depth = float(np.quantile(shown[shown > 0], 0.25)) if (shown > 0).any() else 0.0
     return layer.camera.position - _IN_THE_AIR * depth * layer.camera.world_from_camera[:3, 2]
+
+
+def _about(cameras: Sequence[Camera]) -> list[Camera]:
+    """Level looks to all sides from some of the places where cameras stood: from outside of a flat, or of a square, its
+    walls have backs that nobody saw."""
+    eyes = list({tuple(x.position): x for x in cameras}.values())
+    turns = np.radians(_AZIMUTHS[::2])
+    ways = np.stack([np.sin(turns), np.full_like(turns, -_LOW), np.cos(turns)], axis=1)
+    return [
+        Camera.look_at(x.position, x.position + way, _WIDTH, _HEIGHT, yfov=ROOM_YFOV, name=x.name)
+        for x in evenly(eyes, _MOST_EYES)
+        for way in ways
+    ]
 
 
 def _wide(camera: Camera) -> Camera:
@@ -336,11 +355,8 @@ def _framed(points: F64, middle: F64, way: F64) -> Camera:
     return Camera.look_at(target + way * away, target, _WIDTH, _HEIGHT, yfov=YFOV, near=away / 1000)
 
 
-def _score(layer: SplatLayer, middle: F64, radius: float) -> float:
-    """How much there is to see: detail of opaque parts, less what is neither there nor not.
-
-    What lies beyond the middle counts more than what lies before it, or a courtyard is shown from behind its walls.
-    """
+def _detail(layer: SplatLayer) -> float:
+    """How much there is to see: detail of opaque parts, less what is neither there nor not."""
     alpha = 1 - layer.transmittance
     solid = alpha > 0.9
     if not solid.any():
@@ -349,6 +365,14 @@ def _score(layer: SplatLayer, middle: F64, radius: float) -> float:
     both_x, both_y = solid[:-1, 1:] & solid[:-1, :-1], solid[1:, :-1] & solid[:-1, :-1]
     detail = np.abs(gray[:-1, 1:] - gray[:-1, :-1])[both_x].sum() + np.abs(gray[1:, :-1] - gray[:-1, :-1])[both_y].sum()
     fuzzy = float(((alpha > 0.1) & ~solid).sum() / (alpha > 0.1).sum())
+    return float(detail / alpha.size) * (1 - fuzzy)
+
+
+def _deep(layer: SplatLayer, middle: F64, radius: float) -> float:
+    """Up to 1: what lies beyond the middle counts more than what lies before it, or a courtyard is shown from behind
+    its walls."""
+    solid = layer.transmittance < 0.1
+    if not solid.any():
+        return 1.0
     ahead = -float((layer.camera.camera_from_world @ np.append(middle, 1.0))[2])
-    deep = float(np.clip((layer.depth[solid].mean() - ahead + radius) / (2 * radius), 0.02, 1))
-    return float(detail / alpha.size) * (1 - fuzzy) * deep**3 + 1e-6
+    return float(np.clip((layer.depth[solid].mean() - ahead + radius) / (2 * radius), 0.02, 1)) ** 3

@@ -40,7 +40,7 @@ class GuessTuning:
     guess_pixels: int = 280  # along a side
 
     # how clear a capture looks (`clear`)
-    # that neighbours are joined down to: of a flat with eight rooms, places in them have 0.67 (the median) and places
+    # that neighbours are joined down to: of a flat with eight rooms, places in them have 0.74 (the median) and places
     # outside 0.12; with 200,000 0.79 and 0.15 in 1.6 times the time, with 40,000 0.58 and 0.1
     clear_splats: int = 100_000
     clear_pixels: int = 40  # along a side of the six pictures of all directions

@@ -63,12 +63,7 @@ def _directory(job: Path) -> str:
     for other in job.parent.glob("*.toml"):
         try:
             taken = tomllib.loads(other.read_text("utf-8"))["output"]["directory"]
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            TypeError,
-        ):  # no job, or one that is said to be wrong when it is rendered
+        except (OSError, ValueError, KeyError, TypeError):  # no job, or a wrong one, as rendering it will say
             continue
         if taken == _DIRECTORY:
             return f"{_DIRECTORY}-{job.stem}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,9 +59,11 @@ def run_new(args: argparse.Namespace) -> int:
 
 def _directory(job: Path) -> str:
     """A folder for a job's frames that no other job beside it has: frames of one name would replace each other."""
+    from mirelight.io.job.limits import load_toml
+
     for other in job.parent.glob("*.toml"):
         try:
-            taken = tomllib.loads(other.read_text("utf-8"))["output"]["directory"]
+            taken = load_toml(other.read_text("utf-8"))["output"]["directory"]
         except (OSError, ValueError, KeyError, TypeError):  # no job, or a wrong one, as rendering it will say
             continue
         if taken == _DIRECTORY:

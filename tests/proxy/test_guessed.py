@@ -121,13 +121,12 @@ def junk(points: F64) -> SplatCloud:
 
 
 def test_where_colours_tell_nothing_it_is_told_by_how_clear_things_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, guess_tried=48))
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, clear_grid=7, clear_fewest=0, guess_tried=48))
     ground = junk(np.random.default_rng(2).uniform((-2.4, -0.6, -2.4), (2.4, -0.1, 2.4), (800, 3)))
     _, cameras = found(joined(thing(), ground))
     eyes = np.array([x.position for x in cameras])
     assert len(cameras) > 20
-    above = (np.abs(eyes[:, [0, 2]]) < 2.4).all(axis=1)
-    assert eyes[above, 1].min() > 0.1  # none beneath the floor
+    assert eyes[:, 1].min() > 0.1  # none beneath the floor
     assert np.linalg.norm(eyes - [0, 0.5, 0], axis=1).min() > 0.5  # nor in the ball
 
 
@@ -155,7 +154,7 @@ def test_colours_that_are_as_large_in_all_directions_tell_nothing() -> None:
 
 
 def test_a_room_of_plain_colours_is_looked_at_from_inside(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, clear_grid=5))
+    monkeypatch.setattr("mirelight.proxy.guessed.GUESS", replace(FEW, clear_grid=5, clear_fewest=0))
     sides = np.random.default_rng(4).uniform(-2.5, 2.5, (6000, 3))
     room = joined(box_shell(4.0, 0.16, thin=0.3), junk(sides[np.abs(sides).max(axis=1) > 2.15]))
     _, cameras = found(room)

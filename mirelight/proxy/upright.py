@@ -153,7 +153,7 @@ def _side(seen: Seen, way: F64) -> int:
         higher = seen.share(height > floor + GUESS.upright_thin * tall)
         lower = seen.share(height < ceiling - GUESS.upright_thin * tall)
         return int(np.sign(higher - lower))
-    between = np.abs(height - (floor + ceiling) / 2) < (0.5 - GUESS.upright_beside) * abs(ceiling - floor)
+    between = np.abs(height - (floor + ceiling) / 2) < (0.5 - GUESS.upright_beside) * (ceiling - floor)
     along = seen.normal @ way
     tops, undersides = (seen.share(between & (x > GUESS.upright_wall)) for x in (along, -along))
     return int(np.sign(tops - undersides)) if tops + undersides >= GUESS.upright_things else 0

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("capture", metavar="CAPTURE", help="any splat file")
+    parser.add_argument("capture", metavar="CAPTURE", help="any splat file, or the folder of a training")
     parser.add_argument("-o", "--out", metavar="JOB", default="job.toml", help="the job to write (default: job.toml)")
     parser.add_argument("--light", metavar="LIGHT", default="", help="sun, point, or a file: .hdr, .exr, .glb, .gltf")
     parser.add_argument(
@@ -142,8 +142,9 @@ def _object(text: str) -> tuple[Path, str | None]:
 
 def _capture(name: str) -> Path:
     from mirelight.io.safety import existing
+    from mirelight.io.splats.training import resolved
 
     path = existing(name)
     if path.suffix.lower() == ".toml":
         raise InputError(name, "a job, not a capture", "name a splat file")
-    return path
+    return resolved(path)

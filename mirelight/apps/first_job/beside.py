@@ -10,6 +10,7 @@ import numpy as np
 
 from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError, one_line, printable
+from mirelight.io.splats.training import folder_of
 from mirelight.io.suffixes import GLTF, MESHES
 from mirelight.model import F64, Camera, Deferred, ProxyMesh, SplatCloud, SplatLayer
 
@@ -123,14 +124,20 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
 
 
 def cameras(capture: Path) -> tuple[Cameras | None, Misfit | None]:
-    """The capture's cameras, in its own file or beside it, and else the first file of them that cannot be used."""
+    """The capture's cameras and None, or None and why the first file of them cannot be used.
+
+    They are in its own file, beside it, or in the folder of its training.
+    """
     from mirelight.io.cameras import one_picture, open_file
 
     misfit: Misfit | None = None
     if one_picture.is_of(capture):
         return Cameras(capture, open_file(capture).read()), None
-    for name in _CAMERAS:
-        path = capture.parent / name
+    training = folder_of(capture)
+    places = [capture.parent / name for name in _CAMERAS]
+    if training is not None:
+        places.append(training / "cameras.json")
+    for path in places:
         if path.exists():
             try:
                 found = open_file(path).read()

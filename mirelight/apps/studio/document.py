@@ -20,6 +20,7 @@ from mirelight.io.job.placing import matrix
 from mirelight.io.job.scene_tables import Transform
 from mirelight.io.job.write import text_of
 from mirelight.io.safety import existing, open_binary
+from mirelight.io.splats.training import resolved
 from mirelight.io.suffixes import SPLATS
 from mirelight.model import Job, Light
 
@@ -127,7 +128,7 @@ def opened(name: str | Path, out: str | Path | None, up: str = "") -> Document:
     else:
         target = Path(out)
     _spare_others(target)
-    return _of_job(path, target) if is_job else _of_capture(path, target, up)
+    return _of_job(path, target) if is_job else _of_capture(resolved(path), target, up)
 
 
 def edits_of(asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ point: it is the middle.
 
 from __future__ import annotations
 
+import ast
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,15 @@ from typing import Any
 import numpy as np
 
 from mirelight.base import conventions
+from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import FileCamera
 from mirelight.io.gltf.fields import Fields
+from mirelight.io.safety import read_bytes
 from mirelight.model import Camera
+
+_ARGUMENTS = "cfg_args"
+_MOST_BYTES = 64 * 2**10
 
 
 def read(path: Path, data: Any) -> tuple[FileCamera, ...]:
@@ -45,6 +51,24 @@ def _camera(entry: Fields, name: str) -> FileCamera:
         lens=reading.intrinsics(lens, size, partial(entry.fail, "fx")),
         picture=entry.text("img_name", ""),
     )
+
+
+def read_from(path: Path) -> tuple[Path, ...]:
+    """The folder of the pictures that a training read, by `cfg_args` beside its cameras.json; none where that is gone.
+
+    The file holds the text of an argparse.Namespace, as INRIA's train.py writes it.
+    """
+    try:
+        text = read_bytes(path.with_name(_ARGUMENTS), _MOST_BYTES).decode()
+        call = ast.parse(text.strip(), mode="eval").body
+        given = {x.arg: ast.literal_eval(x.value) for x in call.keywords} if isinstance(call, ast.Call) else {}
+        source = str(given["source_path"])
+        if source.startswith(("\\\\", "//")):  # another machine: to look there would sign in to it
+            return ()
+        folder = path.parent / source / str(given.get("images", "images"))
+        return (folder,) if folder.is_dir() else ()
+    except (InputError, OSError, ValueError, SyntaxError, KeyError, RecursionError, MemoryError):
+        return ()
 
 
 def entry(camera: Camera, number: int) -> dict[str, Any]:

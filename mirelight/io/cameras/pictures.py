@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.base.errors import InputError
+from mirelight.io.cameras import inria
 from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics, Size
 from mirelight.io.decoding import opened
 from mirelight.io.ldr import decode_with_alpha
@@ -106,7 +107,7 @@ def _roots(file: CameraFile) -> tuple[Path, ...]:
             export = file.files[0].parent.parent
             return tuple(export / name for name in ("corrected_images", "images"))
         case "cameras.json":
-            return file.path.parent / "images", file.path.parent
+            return file.path.parent / "images", file.path.parent, *inria.read_from(file.path)
         case _:
             return (file.path.parent,)
 

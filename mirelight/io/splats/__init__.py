@@ -18,6 +18,7 @@ from mirelight.io.splats import compressed_ply, dot_splat, external, ksplat, ply
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import read_ply_header
+from mirelight.io.splats.training import resolved
 from mirelight.io.suffixes import CONVERTED, GLTF, SPLATS, USD
 from mirelight.model import SplatCloud
 
@@ -41,10 +42,11 @@ class _Format:
 
 
 def read(path: str | Path, *, lod: int | None = None) -> SplatCloud:
-    """Read splats from a file, or from a folder that holds a SOG.
+    """Read splats from a file, or from a folder that holds a SOG or a training.
 
     Args:
-        path: the file; its content decides the format, its suffix only where the content cannot.
+        path: the file; its content decides the format, its suffix only where the content cannot. Of a training's
+            folder, its last iteration.
         lod: level of detail of a streamed SOG or LCC, 0 the finest; None takes the finest.
 
     Returns:
@@ -53,7 +55,7 @@ def read(path: str | Path, *, lod: int | None = None) -> SplatCloud:
     Raises:
         InputError: missing, damaged, hostile, of an unknown format, or too large for the memory that is free.
     """
-    return _recognise(existing(path), lod).read()
+    return _recognise(resolved(existing(path)), lod).read()
 
 
 def summary(path: str | Path, *, lod: int | None = None) -> SplatFileInfo:
@@ -66,7 +68,7 @@ def summary(path: str | Path, *, lod: int | None = None) -> SplatFileInfo:
     Raises:
         InputError: as for :func:`read`, as far as the head shows it.
     """
-    return _recognise(existing(path), lod).summary()
+    return _recognise(resolved(existing(path)), lod).summary()
 
 
 def write(cloud: SplatCloud, path: str | Path, *, comments: Sequence[str] = ()) -> None:

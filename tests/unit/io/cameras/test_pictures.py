@@ -143,3 +143,37 @@ def test_a_lens_without_a_size_takes_the_pictures(tmp_path: Path) -> None:
     file = open_file(path)
     found = find(file, file.read()[0])
     assert found is not None and found.lens.size == (30, 30)
+
+
+def trained(folder: Path, source: str, images: str = "images") -> Path:
+    """A cameras.json of a training and the arguments of it, as INRIA's train.py leaves them."""
+    camera = {"img_name": "a", "width": 60, "height": 40, "fx": 50, "fy": 50, "position": [0, 0, 0]}
+    folder.mkdir()
+    (folder / "cfg_args").write_text(f"Namespace(eval=True, images={images!r}, sh_degree=3, source_path={source!r})")
+    path = folder / "cameras.json"
+    path.write_text(json.dumps([camera | {"rotation": np.eye(3).tolist()}]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("images", ["images", "images_4"])
+def test_pictures_lie_where_training_read_them(tmp_path: Path, images: str) -> None:
+    saved = save(tmp_path / f"data/{images}/a.png", gray())
+    for name, source in (("told", str(tmp_path / "data")), ("near", "../data")):
+        file = open_file(trained(tmp_path / name, source, images))
+        found = find(file, file.read()[0])
+        assert found is not None and found.path.resolve() == saved
+
+
+@pytest.mark.parametrize("source", ["//host/share", "\\\\host\\share", "/gone", "a\0b"])
+def test_pictures_that_training_read_elsewhere(tmp_path: Path, source: str) -> None:
+    """On a machine that this one would have to sign in to, or that is another one: there are none."""
+    file = open_file(trained(tmp_path / "out", source))
+    assert find(file, file.read()[0]) is None
+
+
+@pytest.mark.parametrize("text", ["", "Namespace(", "Namespace(source_path=open('x'))", "(" * 5000, "f()", "\xff"])
+def test_arguments_that_are_none(tmp_path: Path, text: str) -> None:
+    path = trained(tmp_path / "out", "..")
+    (tmp_path / "out/cfg_args").write_text(text, "latin-1")
+    file = open_file(path)
+    assert find(file, file.read()[0]) is None

@@ -1,0 +1,34 @@
+"""The folder that a training of splats leaves: which of its files is the capture.
+
+INRIA's 3D Gaussian Splatting, and what is made of it, write `point_cloud/iteration_N/point_cloud.ply` and
+`cameras.json` into one folder, which their other programs are given with `-m`; gsplat writes `ply/point_cloud_N.ply`.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+_LAYOUTS = ("point_cloud/iteration_*/point_cloud.ply", "ply/point_cloud_*.ply")
+
+
+def resolved(path: Path) -> Path:
+    """The splats of the last iteration, where `path` is the folder of a training; else `path` itself."""
+    if not path.is_dir():
+        return path
+    for layout in _LAYOUTS:
+        found = [x for x in path.glob(layout) if x.is_file()]
+        if found:
+            return max(found, key=lambda x: (_iteration(x), x))
+    return path
+
+
+def folder_of(capture: Path) -> Path | None:
+    """The folder of INRIA's training that a capture lies in, which holds its cameras; None: it lies in none."""
+    iteration = capture.absolute().parent
+    inside = iteration.parent.name == "point_cloud" and iteration.name.startswith("iteration_")
+    return iteration.parents[1] if inside else None
+
+
+def _iteration(path: Path) -> int:
+    return int(max(re.findall(r"\d+", "/".join(path.parts[-2:])), key=int, default="0"))

@@ -53,7 +53,7 @@ class Core:
         return replace(view, depth=np.where(here, view.depth, np.float32(0)))
 
 
-def core_of(capture: Capture, cameras: Sequence[Camera]) -> Core | None:
+def core_of(capture: Capture, cameras: Sequence[Camera], coarse: float) -> Core | None:
     """What most of the cameras show, where its splats lie much closer than others; None: nothing, or no closer.
 
     Of a room, which is looked at from its midst, no place is in most pictures.
@@ -61,6 +61,7 @@ def core_of(capture: Capture, cameras: Sequence[Camera]) -> Core | None:
     Args:
         capture: the splats.
         cameras: those of its pictures, around the origin as the capture is.
+        coarse: spacing that the whole surface was found in, world units.
     """
     means = capture.splats.means
     shown = np.zeros(len(means), np.int64)
@@ -73,7 +74,7 @@ def core_of(capture: Capture, cameras: Sequence[Camera]) -> Core | None:
     low, high = np.quantile(at, [TUNING.detail_rim, 1 - TUNING.detail_rim], axis=0)
     closer = close_ups(cameras, low - capture.spacing, high + capture.spacing)
     spacing = max(spacing_of(means.astype(np.float64), at), TUNING.make_grain * footprint(closer, means[inside]))
-    if spacing > TUNING.detail_finer * capture.spacing:
+    if spacing > TUNING.detail_finer * coarse:
         return None
     return Core(low, high, closer, TUNING.detail_share * spacing)
 

@@ -45,7 +45,7 @@ def walk() -> list[Camera]:
 
 def core(cloud: SplatCloud, cameras: list[Camera]) -> tuple[Core | None, F64]:
     capture = look_at_capture(cloud, "test")
-    return core_of(capture, [moved(x, -capture.middle) for x in cameras]), capture.middle
+    return core_of(capture, [moved(x, -capture.middle) for x in cameras], capture.spacing), capture.middle
 
 
 def test_what_most_pictures_show_is_found_with_its_spacing() -> None:

@@ -47,9 +47,10 @@ def run_new(args: argparse.Namespace) -> int:
     if out.exists():
         raise OutputError(f"{out}: is there already; name another with -o")
     objects = tuple(_object(x) for x in args.objects)
-    wish = Wish(light=args.light, objects=objects, estimated=True, directory=_directory(out))
+    capture = _capture(args.capture)
+    wish = Wish(light=args.light, objects=objects, estimated=True, directory=_directory(out, capture))
     with bar(args.json) as progress:
-        found = job_for(_capture(args.capture), out.parent, wish, progress)
+        found = job_for(capture, out.parent, wish, progress)
     write_file(out, found.text)
     notes = (found.up, *found.notes, found.as_captured)
     go_on = f"{out} is written; go on with: mirelight render {shlex.quote(str(out))}"
@@ -57,17 +58,21 @@ def run_new(args: argparse.Namespace) -> int:
     return 0
 
 
-def _directory(job: Path) -> str:
-    """A folder for a job's frames that no other job beside it has: frames of one name would replace each other."""
+def _directory(job: Path, capture: Path) -> str:
+    """A folder for a job's frames that no other job beside it has, as frames of one name would replace each other; nor
+    is it that of a training."""
     from mirelight.io.job.limits import load_toml
 
+    own = f"{_DIRECTORY}-{job.stem}"
+    if (job.parent / _DIRECTORY).resolve() in capture.resolve().parents:
+        return own
     for other in job.parent.glob("*.toml"):
         try:
             taken = load_toml(other.read_text("utf-8"))["output"]["directory"]
         except (OSError, ValueError, KeyError, TypeError):  # no job, or a wrong one, as rendering it will say
             continue
         if taken == _DIRECTORY:
-            return f"{_DIRECTORY}-{job.stem}"
+            return own
     return _DIRECTORY
 
 

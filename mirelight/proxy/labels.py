@@ -34,32 +34,23 @@ class Sky:
         return np.where(white, TUNING.sky_white * self.fog, self.fog).astype(np.float32)
 
 
-def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = (), up: F64 | None = None) -> float:
+def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
     """The trust below which pixels on no plane show no surface: 0 unless the views show a sky.
 
     What pictures show of a sky hangs anywhere, and so does what they tell nothing else of; without a sky, as in a room,
     a surface in a wrong place shuts out more wrong light than none. What hangs before a plane is no sky: even walls are
-    as hard to place. Nor is what hangs below the horizon: whoever looks down at a table has a room behind it that few
-    pictures show well.
-
-    Args:
-        views: the maps.
-        flats: planes that they show.
-        up: (3,) unit; None: not known.
+    as hard to place.
     """
 
-    def hanging(view: DepthMap) -> tuple[int, int]:
+    def hanging(view: DepthMap) -> int:
         hangs = (view.depth > 0) & (view.trust < TUNING.sky_trust)
-        if not hangs.any():
-            return 0, 0
-        _, directions = rays(view.camera)
-        hangs &= ~np.any([depth_of(view, flat, directions) > 0 for flat in flats], axis=0)
-        return int(hangs.sum()), 0 if up is None else int((hangs & (dot(directions, up) > 0)).sum())
+        if hangs.any():
+            _, directions = rays(view.camera)
+            hangs &= ~np.any([depth_of(view, flat, directions) > 0 for flat in flats], axis=0)
+        return int(hangs.sum())
 
-    anywhere, high = np.sum(each(hanging, views), axis=0)
-    seen = sum(int((view.depth > 0).sum()) for view in views)
-    there = anywhere > TUNING.sky_share * seen and (up is None or high > TUNING.sky_high * seen)
-    return TUNING.fog if there else 0.0
+    deep = sum(each(hanging, views))
+    return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

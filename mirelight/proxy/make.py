@@ -108,11 +108,9 @@ def make(
             views += _inside(capture, maps, views, settings, part(report, 0.3, 0.4))
         smooth = partial(slanted, noise=capture.spacing)
         views = each(smooth, views, part(report, 0.4, 0.43), "smoothing depth maps")
-        up = held_up(cameras)
         if there:
-            views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), up=up, guessed=not cameras)
-        if not cameras:
-            up = _stands(views, around=not there)
+            views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
+        up = held_up(cameras) if cameras else _stands(views, around=not there)
         found = _fused(capture, views, up, part(report, 0.55, 0.75), guessed=not cameras)
         soup, shown, mirrors = found.soup, found.shown, found.mirrors
         if there and (core := core_of(capture, there, found.cell / TUNING.cell)):
@@ -220,7 +218,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         flats = flats_of(views, capture.spacing, capture.radius)
     sweep = Sweep.of([] if guessed else views, flats, capture.spacing)
     views, flats = each(sweep.moved, views), sweep.flats
-    sky = Sky(fog_of(views, flats, up), up)
+    sky = Sky(fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)
@@ -270,12 +268,13 @@ def _detailed(
     views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown, *smooth)
     if found.mirrors:
         views = each(lambda view: covered(view, found.mirrors, core.spacing), views)
-    views = agreed(views, settings, core.spacing, part(report, 0.2, 0.5), up=found.sky.up, guessed=guessed)
+    views = agreed(views, settings, core.spacing, part(report, 0.2, 0.5), guessed=guessed)
     views = each(found.sweep.moved, views)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
     flats = ended([*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more])
-    views = _on_planes(views, flats, core.spacing, found.sky, part(report, 0.5, 0.6))
+    # most pictures show all that is here: what tells no place in one, such as smooth plastic, is no sky
+    views = _on_planes(views, flats, core.spacing, Sky(0.0), part(report, 0.5, 0.6))
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     return with_core(found.soup, _surface(grid, flats), core, found.cell)
 

@@ -130,13 +130,7 @@ class Pixels:
 
 
 def agreed(
-    views: Sequence[DepthMap],
-    settings: ProxySettings,
-    spacing: float,
-    report: ShareProgress,
-    *,
-    up: F64 | None = None,
-    guessed: bool = False,
+    views: Sequence[DepthMap], settings: ProxySettings, spacing: float, report: ShareProgress, *, guessed: bool = False
 ) -> list[DepthMap]:
     """The views with the surface where what they show agrees on one.
 
@@ -145,7 +139,6 @@ def agreed(
         settings: of these the variant and its threads.
         spacing: of the splats, world units.
         report: hears how far it is.
-        up: (3,) unit, for whoever took the pictures; None: not known.
         guessed: no pictures were taken where the views are: what some look through may be there.
 
     Returns:
@@ -170,7 +163,7 @@ def agreed(
     if found.sum() < TUNING.stereo_least * there.sum():
         return list(views)
     # of a room, what is in doubt counts as before: see `fog_of`
-    doubt = TUNING.stereo_doubt if fog_of(views, up=up) else 1.0
+    doubt = TUNING.stereo_doubt if fog_of(views) else 1.0
     merged = _Merged(pixels, planes, found, through & ~found & (not guessed), spacing, doubt)
     return each(lambda k: merged.view(k, white[k]), range(len(views)))
 

@@ -87,8 +87,6 @@ class Tuning:
     # skies (`labels`)
     sky_trust: float = 0.02  # of pixels that hang anywhere
     sky_share: float = 0.03  # of pixels, from which there is a sky: 0.17 with one, 0.0006 in a room, 0.005 in a yard
-    # of pixels that do so above the horizon, from which there is one: 0.019 to 0.057 out of doors, 0 to 0.004 in rooms
-    sky_high: float = 0.01
     fog: float = 0.1  # trust of pixels that are left out then: a third, off by 3 to 30 spacings in the median
     sky_white: float = 3.0  # times that of what is white above the horizon: it hangs at a street's end
     # grounds that go on beneath a sky's fog (`ground`)

@@ -31,16 +31,17 @@ def test_each_job_of_a_folder_has_frames_in_its_own(tmp_path: Path, monkeypatch:
 def test_the_folder_of_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its last splats and its cameras are found, whether the folder or the file in it is given."""
     monkeypatch.chdir(tmp_path)
-    capture = Path("trained/point_cloud/iteration_30000/point_cloud.ply")
+    capture = Path("out/point_cloud/iteration_30000/point_cloud.ply")
     capture.parent.mkdir(parents=True)
     splats.write(on_surface(*square(4, 0.1, 1, 0), 0.1, thin=0.02), capture)
     pose = look_at((1, 3, 2), (0, 0, 0))
     camera = Camera(world_from_camera=pose, width=320, height=240, fx=300, fy=300, cx=160, cy=120)
     entries = [inria.entry(camera, 0)]
-    (tmp_path / "trained/cameras.json").write_text(json.dumps(entries), "utf-8")
-    for given, name in (("trained", "folder"), (str(capture), "file")):
+    (tmp_path / "out/cameras.json").write_text(json.dumps(entries), "utf-8")
+    for given, name in (("out", "folder"), (str(capture), "file")):
         assert cli.main(["new", given, "-o", f"{name}.toml"]) == 0
     folder, file = ((tmp_path / f"{x}.toml").read_text("utf-8") for x in ("folder", "file"))
     job = tomllib.loads(folder)
-    assert job["splats"]["path"] == capture.as_posix() and "trained/cameras.json" in folder
-    assert tomllib.loads(file)["splats"] == job["splats"] and "trained/cameras.json" in file
+    assert job["output"]["directory"] == "out-folder"  # frames are kept apart from the training
+    assert job["splats"]["path"] == capture.as_posix() and "out/cameras.json" in folder
+    assert tomllib.loads(file)["splats"] == job["splats"] and "out/cameras.json" in file

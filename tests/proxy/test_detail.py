@@ -8,10 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mirelight.base.progress import ShareProgress
 from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import make
 from mirelight.proxy.capture import look_at_capture
+from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.detail import Core, core_of, with_core
+from mirelight.proxy.flats import Flat
+from mirelight.proxy.labels import Sky
+from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings, Soup
 from mirelight.proxy.views import moved
 
@@ -43,9 +48,10 @@ def walk() -> list[Camera]:
     ]
 
 
-def core(cloud: SplatCloud, cameras: list[Camera]) -> tuple[Core | None, F64]:
+def core(cloud: SplatCloud, cameras: list[Camera], coarser: float = 1) -> tuple[Core | None, F64]:
     capture = look_at_capture(cloud, "test")
-    return core_of(capture, [moved(x, -capture.middle) for x in cameras], capture.spacing), capture.middle
+    there = [moved(x, -capture.middle) for x in cameras]
+    return core_of(capture, there, coarser * capture.spacing), capture.middle
 
 
 def test_what_most_pictures_show_is_found_with_its_spacing() -> None:
@@ -70,6 +76,14 @@ def test_what_most_pictures_show_is_found_with_its_spacing() -> None:
 )
 def test_nothing_is_looked_at_closer_where_all_is_as_fine(cloud: SplatCloud, cameras: list[Camera]) -> None:
     assert core(cloud, cameras)[0] is None
+
+
+def test_a_thing_is_looked_at_closer_where_the_grid_is_coarse() -> None:
+    """As it is where stray splats lie far off all round: the thing's splats need not be closer than others."""
+    points, normals = square(9.0, 0.5 * STEP, 1, 0.0)
+    even = joined(on_surface(points, normals, 0.35 * STEP, thin=0.3), small_ball(230))
+    assert core(even, walk())[0] is None
+    assert core(even, walk(), coarser=4)[0] is not None
 
 
 def test_a_core_takes_the_place_of_what_was_there() -> None:
@@ -105,3 +119,19 @@ def test_a_small_thing_is_round_on_a_wide_ground(monkeypatch: pytest.MonkeyPatch
         near = (away < 2 * RADIUS) & (at[:, 1] > 0.25)
         off.append(float(np.median(np.abs(away[near] - RADIUS))))
     assert off[0] < off[1] / 3
+
+
+def test_what_most_pictures_show_has_no_sky(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smooth plastic tells no place, as a sky does: under one, pixels of it are left out of the whole surface alone."""
+    made_of = sys.modules["mirelight.proxy.make"]
+    found = []
+    flattened = made_of._on_planes
+
+    def heard(views: list[DepthMap], flats: list[Flat], spacing: float, sky: Sky, report: ShareProgress) -> object:
+        found.append(sky.fog)
+        return flattened(views, flats, spacing, sky, report)
+
+    monkeypatch.setattr(made_of, "_on_planes", heard)
+    monkeypatch.setattr(made_of, "fog_of", lambda *_: TUNING.fog)
+    make(yard(3000), SETTINGS, cameras=walk())
+    assert found == [TUNING.fog, 0.0]

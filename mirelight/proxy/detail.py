@@ -74,9 +74,10 @@ def core_of(capture: Capture, cameras: Sequence[Camera], coarse: float) -> Core 
     low, high = np.quantile(at, [TUNING.detail_rim, 1 - TUNING.detail_rim], axis=0)
     closer = close_ups(cameras, low - capture.spacing, high + capture.spacing)
     spacing = max(spacing_of(means.astype(np.float64), at), TUNING.make_grain * footprint(closer, means[inside]))
-    if spacing > TUNING.detail_finer * coarse:
-        return None
-    return Core(low, high, closer, TUNING.detail_share * spacing)
+    if spacing <= TUNING.detail_finer * capture.spacing:
+        return Core(low, high, closer, TUNING.detail_share * spacing)
+    # its splats are no closer than others: then in the cells that the whole would have without its strays
+    return Core(low, high, closer, capture.spacing) if spacing <= TUNING.detail_finer * coarse else None
 
 
 def others(fine: Sequence[Flat], flats: Sequence[Flat], tolerance: float) -> list[Flat]:

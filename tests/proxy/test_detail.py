@@ -83,7 +83,8 @@ def test_a_thing_is_looked_at_closer_where_the_grid_is_coarse() -> None:
     points, normals = square(9.0, 0.5 * STEP, 1, 0.0)
     even = joined(on_surface(points, normals, 0.35 * STEP, thin=0.3), small_ball(230))
     assert core(even, walk())[0] is None
-    assert core(even, walk(), coarser=4)[0] is not None
+    there, _ = core(even, walk(), coarser=4)
+    assert there is not None and there.spacing == look_at_capture(even, "test").spacing
 
 
 def test_a_core_takes_the_place_of_what_was_there() -> None:

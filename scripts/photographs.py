@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 from scenegen import training
-from scipy.spatial import cKDTree
 
 from mirelight.io import cameras as camera_files
 from mirelight.io import splats
@@ -38,18 +37,15 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=3000)
     parser.add_argument("--most", type=int, default=90_000, help="splats")
     args = parser.parse_args()
-    model = args.folder / "sparse"
-    model = model / "0" if (model / "0").is_dir() else model
-    taken = camera_files.open_file(model).read()
+    model = camera_files.open_file(args.folder)
+    taken = model.read()
     cameras = [x.to_camera(x.size((0, 0))) for x in taken]
     scale = min((PIXELS / (cameras[0].width * cameras[0].height)) ** 0.5, 1.0)
     small = [_smaller(x, scale) for x in cameras]
     pictures = [_shown(args.folder / "images" / one.picture, camera) for one, camera in zip(taken, small, strict=True)]
-    points = np.array(list(_points(model / "points3D.bin")))
-    near, _ = cKDTree(points).query(points, k=training.NEIGHBOURS + 1)
-    sizes = np.maximum(near[:, 1:].mean(axis=1), 1e-3)
+    points = np.array(list(_points(model.files[0].with_name("points3D.bin"))))
     how = training.Shooting(size=(small[0].width, small[0].height), iterations=args.iterations, most=args.most)
-    rows = training.train(small, pictures, points, sizes, how)
+    rows = training.train(small, pictures, points, training.sizes_of(points), how)
     path = args.out / f"point_cloud/iteration_{args.iterations}/point_cloud.ply"
     path.parent.mkdir(parents=True, exist_ok=True)
     splats.write(training.cloud_of(rows), path)

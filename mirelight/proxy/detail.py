@@ -54,7 +54,8 @@ class Core:
 
 
 def core_of(capture: Capture, cameras: Sequence[Camera], coarse: float) -> Core | None:
-    """What most of the cameras show, where its splats lie much closer than others; None: nothing, or no closer.
+    """What most of the cameras show, where its splats lie much closer than others, or than cells that hold all strays
+    can tell; None: nothing, or no closer.
 
     Of a room, which is looked at from its midst, no place is in most pictures.
 

@@ -152,8 +152,13 @@ def _start(truth: Truth, cameras: Sequence[Camera], how: Shooting) -> tuple[F64,
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     points = points[rng.choice(len(points), min(how.points, len(points)), replace=False)]
     points += rng.normal(size=points.shape) * START_NOISE * np.linalg.norm(high - low) / np.sqrt(3)
+    return points, sizes_of(points)
+
+
+def sizes_of(points: F64) -> F64:
+    """(P,) deviations that splats at points (P, 3) start with."""
     near, _ = cKDTree(points).query(points, k=NEIGHBOURS + 1)
-    return points, np.maximum(near[:, 1:].mean(axis=1), 1e-3)
+    return np.asarray(np.maximum(near[:, 1:].mean(axis=1), 1e-3))
 
 
 def _packed(camera: Camera) -> F32:

@@ -53,7 +53,7 @@ def _camera(entry: Fields, name: str) -> FileCamera:
     )
 
 
-def read_from(path: Path) -> tuple[Path, ...]:
+def trained_on(path: Path) -> tuple[Path, ...]:
     """The folder of the pictures that a training read, by `cfg_args` beside its cameras.json; none where that is gone.
 
     The file holds the text of an argparse.Namespace, as INRIA's train.py writes it.
@@ -62,10 +62,10 @@ def read_from(path: Path) -> tuple[Path, ...]:
         text = read_bytes(path.with_name(_ARGUMENTS), _MOST_BYTES).decode()
         call = ast.parse(text.strip(), mode="eval").body
         given = {x.arg: ast.literal_eval(x.value) for x in call.keywords} if isinstance(call, ast.Call) else {}
-        source = str(given["source_path"])
-        if source.startswith(("\\\\", "//")):  # another machine: to look there would sign in to it
-            return ()
-        folder = path.parent / source / str(given.get("images", "images"))
+        names = str(given["source_path"]), str(given.get("images", "images"))
+        if any(name.replace("\\", "/").startswith("//") for name in names):
+            return ()  # another machine's: to look there would sign in to it
+        folder = path.parent.joinpath(*names)
         return (folder,) if folder.is_dir() else ()
     except (InputError, OSError, ValueError, SyntaxError, KeyError, RecursionError, MemoryError):
         return ()

@@ -107,7 +107,7 @@ def _roots(file: CameraFile) -> tuple[Path, ...]:
             export = file.files[0].parent.parent
             return tuple(export / name for name in ("corrected_images", "images"))
         case "cameras.json":
-            return file.path.parent / "images", file.path.parent, *inria.read_from(file.path)
+            return file.path.parent / "images", file.path.parent, *inria.trained_on(file.path)
         case _:
             return (file.path.parent,)
 

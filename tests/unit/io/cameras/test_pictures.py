@@ -11,7 +11,7 @@ from PIL import Image
 
 from mirelight.base.colour import srgb_decode
 from mirelight.base.errors import InputError
-from mirelight.io.cameras import Distortion, FileCamera, Intrinsics, open_file
+from mirelight.io.cameras import Distortion, FileCamera, Intrinsics, inria, open_file
 from mirelight.io.cameras.pictures import MOST_PIXELS, Picture, find, view_size
 from mirelight.model import F64
 
@@ -169,6 +169,17 @@ def test_pictures_that_training_read_elsewhere(tmp_path: Path, source: str) -> N
     """On a machine that this one would have to sign in to, or that is another one: there are none."""
     file = open_file(trained(tmp_path / "out", source))
     assert find(file, file.read()[0]) is None
+
+
+@pytest.mark.parametrize("name", ["//host/share", "\\\\host\\share", "\\/host/share"])
+@pytest.mark.parametrize("images", [False, True])
+def test_another_machine_is_not_looked_at(
+    tmp_path: Path, name: str, images: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = trained(tmp_path / "out", "..", name) if images else trained(tmp_path / "out", name)
+    looked = list[Path]()
+    monkeypatch.setattr(Path, "is_dir", looked.append)
+    assert inria.trained_on(path) == () and not looked
 
 
 @pytest.mark.parametrize("text", ["", "Namespace(", "Namespace(source_path=open('x'))", "(" * 5000, "f()", "\xff"])

@@ -43,6 +43,7 @@ from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
 from mirelight.proxy.upright import Seen, upright
 from mirelight.proxy.views import around, fewer, from_points, held_up, moved
+from mirelight.proxy.walls import room_of
 
 DEPTHS = "taking depth maps"
 _DEFAULT = ProxySettings()
@@ -174,7 +175,7 @@ class _Fused:
     soup: Soup
     cell: float  # of the grid that it was found in, world units
     views: list[DepthMap]  # as they were joined
-    flats: list[Flat]
+    flats: list[Flat]  # but walls that are guessed
     mirrors: list[Flat]
     sky: Sky
     sweep: Sweep
@@ -211,20 +212,24 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     if mirrors := mirrors_of(views, flats, capture.spacing):
         views = each(lambda view: covered(view, mirrors.values(), capture.spacing), views)
         flats = closed_by(flats, mirrors)
-    windows = windows_of(views, flats, capture.spacing)
+    room = None if guessed else room_of(views, flats, up)
+    walls = room.flats(views, capture.spacing) if room else list[Flat]()
+    if room:
+        views = each(room.shone, views)
+    windows = windows_of(views, [*flats, *walls], capture.spacing)
     if windows:
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
         flats = flats_of(views, capture.spacing, capture.radius)
     sweep = Sweep.of([] if guessed else views, flats, capture.spacing)
     views, flats = each(sweep.moved, views), sweep.flats
-    sky = Sky(fog_of(views, flats), up)
+    sky = Sky(0.0 if room else fog_of(views, flats), up)
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)
     if sky.fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
-    flats = ended(flats)
+    flats, many = ended([*flats, *walls]), len(flats)
     views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3))
     grid = fuse(views, capture.half, TUNING.cell * capture.spacing, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
@@ -232,7 +237,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     for window in windows:
         soup = soup.beside(window.solid())
     kept = [sweep.along(mirror) for mirror in mirrors.values()]
-    return _Fused(soup, grid.cell, views, flats, kept, sky, sweep, bool(windows))
+    return _Fused(soup, grid.cell, views, flats[:many], kept, sky, sweep, bool(windows))
 
 
 def _on_planes(

@@ -79,6 +79,23 @@ class Tuning:
     window_bars: float = 0.5  # behind the wall, where its pictures agree best: 0.9 of a window, -0.25 of a patch of sun
     window_cells: int = 12  # cells of a plane, at least
 
+    # walls that nothing tells of (`walls`)
+    wall_level: float = 0.95  # cosine between a plane and what is up, above which it is level, and
+    wall_upright: float = 0.3  # below which it is a wall
+    wall_sure: float = 0.5  # trust of what tells how far off they are
+    wall_step: int = 3  # every third pixel, both ways
+    wall_far: float = 0.98  # of what is sure on a side lies before its wall
+    wall_floor: float = 0.003  # of all that is sure lies below the floor
+    wall_cells: int = 1000  # of a box's longest side, at most
+    wall_eyes: float = 1.1  # times as far as a camera stood, at least
+    # of the pixels, unsure and above the horizon: 0.006 in a room looked at from above, 0.05 to 0.11 beneath a sky
+    wall_sky: float = 0.02
+    # of unsure pixels, that others show alike in their place rather than in their direction: above the horizon 0.81 to
+    # 0.93 in rooms, beneath skies 0.58 to 0.7; of all that rays leave for past the floor 0.7 to 0.93 in rooms
+    wall_nearer: tuple[float, float] = (0.75, 0.6)
+    wall_degrees: float = 3.0  # of the solid angles that are compared
+    wall_white: tuple[float, float] = (0.7, 1.05)  # of the way to a wall: what is white from here to there is behind it
+
     # which pixels lie on planes (`labels`)
     label_window: int = 6  # px, radius
     label_step: int = 2  # px

@@ -93,7 +93,8 @@ class _Plan:
         """Name of the splats but for their colours."""
         if self.shooting is None:
             return self.cloud
-        return f"{self.cloud}.{'trained' if self.shooting.trainer == 'grown' else self.shooting.trainer}"
+        how = "trained" if self.shooting.trainer == "grown" else self.shooting.trainer
+        return f"{self.cloud}.{how}{'.textured' if self.shooting.textured else ''}"
 
 
 _LONGER = Shooting(sky=True, iterations=1600, most=60_000)  # of what has much in it
@@ -130,6 +131,14 @@ PLANS = (
         "sunny, longer exposed",
         ("overcast", "lamps", "low sun"),
         shooting=Shooting(sky=True),
+    ),
+    _Plan(
+        "interior",
+        "interior_walk",
+        "interior, from texture",
+        "sunny, longer exposed",
+        ("overcast", "lamps", "low sun"),
+        shooting=Shooting(sky=True, textured=True),
     ),
     _Plan(
         "mirrored",
@@ -176,6 +185,14 @@ PLANS = (
         shooting=_LONGER,
     ),
     _Plan(
+        "painted",
+        "painted",
+        "painted kitchen, trained",
+        "clouds",
+        ("lamp", "sunny", "other lamp"),
+        shooting=replace(_LONGER, textured=True),
+    ),
+    _Plan(
         "farm",
         "farm",
         "farm, trained",
@@ -219,6 +236,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "polished": ((-1.1, 1.4, 1.6), (0.0, 0.7, 0.0), 48),
     "yard": ((-1.7, 2.0, 5.2), (0.3, 0.9, -1.0), 50),
     "kitchen": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
+    "painted": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
     "bust": ((0.39, 0.58, 1.06), (0.0, 0.165, 0.0), 27),
     "hall": ((2.8, 1.55, 1.9), (-0.8, 1.35, -0.7), 52),

@@ -26,6 +26,7 @@ ROW = 59  # numbers of a splat in the trainer's result
 OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])  # the trainer's cameras: x right, y down, z ahead
 START_NOISE = 0.01  # of the scene's size: where structure from motion puts its points
 LOOKED_FROM = (60, 40)  # pixels of the pictures in which start points are found
+TEXTURE = 0.06  # least difference of neighbouring pixels, display-encoded, where structure from motion finds points
 CLEAREST = 0.985  # opacity that training goes on from: nearer to 1 it no longer moves
 NEIGHBOURS = 3  # whose mean distance a start point's size is
 
@@ -48,6 +49,7 @@ class Shooting:
     iterations: int = 1100
     most: int = 45_000  # splats
     points: int = 30_000  # that training starts from
+    textured: bool = False  # they lie where pictures have texture alone, as structure from motion finds them
     trainer: Trainer = "grown"
 
 
@@ -93,7 +95,7 @@ def trained(truth: Truth, pictures: Sequence[F32], cameras: Sequence[Camera], ho
         cameras: the pictures'.
         how: they are taken and trained on.
     """
-    return train(known(cameras, how), pictures, *_start(truth, cameras, how), how)
+    return train(known(cameras, how), pictures, *_start(truth, pictures, cameras, how), how)
 
 
 def shots(truth: Truth, lighting: Lighting, cameras: Sequence[Camera], how: Shooting) -> list[F32]:
@@ -138,21 +140,32 @@ def behind(sky: Environment, along: F64) -> F64:
     return np.asarray(rows[0] * (1 - low) + rows[1] * low)
 
 
-def _start(truth: Truth, cameras: Sequence[Camera], how: Shooting) -> tuple[F64, F64]:
+def _start(truth: Truth, pictures: Sequence[F32], cameras: Sequence[Camera], how: Shooting) -> tuple[F64, F64]:
     """Points (N, 3) on what the pictures show, with noise, and their sizes (N,)."""
     rng = np.random.default_rng(5)
     found = []
-    for camera in cameras:
+    for camera, picture in zip(cameras, pictures, strict=True):
         small = camera.resized(*LOOKED_FROM)
         along = directions(small).reshape(-1, 3)
         away = truth.distance(np.broadcast_to(camera.position, along.shape), along)
         there = np.isfinite(away)
+        if how.textured:
+            there &= _textured(picture).ravel()
         found.append(camera.position + along[there] * away[there, None])
     points = np.concatenate(found)
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     points = points[rng.choice(len(points), min(how.points, len(points)), replace=False)]
     points += rng.normal(size=points.shape) * START_NOISE * np.linalg.norm(high - low) / np.sqrt(3)
     return points, sizes_of(points)
+
+
+def _textured(picture: F32) -> NDArray[np.bool_]:
+    """(h, w) of the pixels of :data:`LOOKED_FROM`: whether a picture (H, W, 3), a multiple of them, has texture."""
+    grey = picture.mean(axis=2)
+    steps = np.maximum(*(np.abs(np.diff(grey, axis=k, prepend=grey[:1] if k == 0 else grey[:, :1])) for k in (0, 1)))
+    width, height = LOOKED_FROM
+    cells = steps.reshape(height, len(picture) // height, width, picture.shape[1] // width)
+    return np.asarray(cells.max(axis=(1, 3)) > TEXTURE)
 
 
 def sizes_of(points: F64) -> F64:

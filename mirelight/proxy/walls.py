@@ -1,0 +1,209 @@
+"""Plain walls: a room of which its pictures tell too little is taken for a box.
+
+To an optimiser a wall without a pattern is a sky: its splats hang anywhere before or behind it. People capture what
+stands amid a room so, and see its walls in passing. What is sure in it, as skirting boards, shelves and what stands
+along the walls, tells how far off they are (the layout of a room as a box: Hedau, Hoiem and Forsyth, 2009).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mirelight.base.together import each
+from mirelight.model import F64
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.flats import Flat, votes
+from mirelight.proxy.labels import depth_of, fog_of
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.views import length, rays, turned
+
+Bool = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """A box that all cameras stand in."""
+
+    middle: F64  # (3,) of the cameras
+    axes: F64  # (3, 3) unit, its rows: along the floor, up, along the floor
+    low: F64  # (3,) where its sides are along these from the middle
+    high: F64
+    roofed: bool = False  # whether pictures show a ceiling
+
+    def left(self, view: DepthMap) -> tuple[F64, F64, Bool]:
+        """(H, W) depths at which the view's rays leave the room, (H, W, 3) where along its axes, and (H, W) whether
+        through a wall."""
+        origins, directions = rays(view.camera)
+        start, way = turned(origins - self.middle, self.axes), turned(directions, self.axes)
+        ahead = np.where(np.abs(way) > 1e-12, way, 1e-12)
+        away = (np.where(ahead > 0, self.high, self.low) - start) / ahead
+        depth = away.min(axis=-1)
+        return depth, start + way * depth[..., None], away.argmin(axis=-1) != 1
+
+    def looked_up(self, view: DepthMap) -> float:
+        """The share of a view's pixels whose rays leave the room above its walls."""
+        _, place, wall = self.left(view)
+        return float((~wall & (place[..., 1] > 0)).mean())
+
+    def shone(self, view: DepthMap) -> DepthMap:
+        """The view with what is white about its walls behind them, as windows are looked for there: the sky in them
+        hangs anywhere, too."""
+        depth, _, wall = self.left(view)
+        near, behind = TUNING.wall_white
+        white = wall & (view.color.min(axis=2) > TUNING.clipped)
+        white &= (view.depth > near * depth) & (view.depth < behind * depth)
+        return replace(view, depth=np.where(white, behind * depth, view.depth).astype(np.float32))
+
+    def flats(self, views: Sequence[DepthMap], spacing: float) -> list[Flat]:
+        """Its floor, walls and ceiling if any, but for what of them views surely see through."""
+        walls = [(k, x[k], front) for k in (0, 2) for x, front in ((self.low, 1.0), (self.high, -1.0))]
+        sides = [(1, self.low[1], 1.0), *walls, (1, self.high[1], -1.0)][: 6 if self.roofed else 5]
+        return each(lambda side: self._flat(*side, views, spacing), sides)
+
+    def _flat(self, axis: int, place: float, front: float, views: Sequence[DepthMap], spacing: float) -> Flat:
+        others = [(axis + 1) % 3, (axis + 2) % 3]
+        long = float((self.high - self.low).max())
+        along, cell = self.axes[others], max(TUNING.plane_cell * spacing, long / TUNING.wall_cells)
+        start = turned(self.middle, along)
+        first = np.floor((start + self.low[others]) / cell).astype(np.int64)
+        size = np.ceil((start + self.high[others]) / cell).astype(np.int64) - first
+        normal = front * self.axes[axis]
+        offset = float(normal @ (self.middle + place * self.axes[axis]))
+        whole = Flat(normal, offset, along, cell, first, np.ones(tuple(size), bool))
+        held, through, seen = votes(whole, views, TUNING.plane_tolerance * spacing)
+        return replace(whole, there=~((through > held) & (through > TUNING.fog * seen)))
+
+
+def room_of(views: Sequence[DepthMap], flats: Sequence[Flat], up: F64 | None) -> Room | None:
+    """The room about what views show; None where all is told, where they show a sky, or `up` (3,) is not known.
+
+    Args:
+        views: maps of a capture's own cameras.
+        flats: the planes that they show.
+        up: (3,) unit, as cameras were held.
+    """
+    if up is None or not fog_of(views, flats):
+        return None
+    found = _box(views, _axes(flats, up))
+    return found if found is not None and _is_closed(found, views, flats) else None
+
+
+def _axes(flats: Sequence[Flat], up: F64) -> F64:
+    """(3, 3) along the largest wall that was found, if any, and upright as the largest level plane is."""
+    size = [int(flat.there.sum()) for flat in flats]
+    order = sorted(range(len(flats)), key=lambda k: -size[k])
+    level = next((k for k in order if abs(float(flats[k].normal @ up)) > TUNING.wall_level), None)
+    if level is not None:
+        up = flats[level].normal * np.sign(float(flats[level].normal @ up))
+    across = np.linalg.svd(up[None])[2][1]
+    wall = next((k for k in order if abs(float(flats[k].normal @ up)) < TUNING.wall_upright), None)
+    along = across if wall is None else flats[wall].normal
+    along = along - up * float(along @ up)
+    along = along / np.linalg.norm(along)
+    return np.stack([along, up, np.cross(along, up)])
+
+
+def _box(views: Sequence[DepthMap], axes: F64) -> Room | None:
+    """As far as what is sure in views reaches on each side, and no nearer than cameras stood. None where that is
+    higher than rooms are, as in a street, or a camera stands below it."""
+    eyes = np.stack([view.camera.position for view in views])
+    middle = np.median(eyes, axis=0)
+    at, stood = turned(np.concatenate(each(_told, views)) - middle, axes), turned(eyes - middle, axes)
+    if len(at) < TUNING.flat_fewest:
+        return None
+    low, high = np.zeros(3), np.zeros(3)
+    low[1], seen = np.quantile(at[:, 1], [TUNING.wall_floor, TUNING.ceiling_seen])
+    high[1] = low[1] + TUNING.ceiling_most * (stood[:, 1].max() - low[1])
+    if seen > high[1]:
+        return None
+    for k in (0, 2):
+        for side, out in ((1.0, high), (-1.0, low)):
+            away = side * at[:, k]
+            there = away > np.abs(at[:, 2 - k])
+            far = np.quantile(away[there], TUNING.wall_far) if there.sum() >= TUNING.flat_fewest else 0.0
+            out[k] = side * max(float(far), TUNING.wall_eyes * float((side * stood[:, k]).max()))
+    if not ((low < stood) & (stood < high)).all():
+        return None
+    # pictures that look up in a room show its ceiling; where that meets the walls is sure
+    over = low[1] + TUNING.ceiling_over * (stood[:, 1].max() - low[1])
+    below = Room(middle, axes, low, np.array([high[0], over, high[2]]), roofed=True)
+    if np.mean(each(below.looked_up, views)) < TUNING.wall_sky:
+        return Room(middle, axes, low, high)
+    over = max(over, float(np.quantile(at[:, 1], 1 - TUNING.wall_floor)))
+    return replace(below, high=np.array([high[0], over, high[2]]))
+
+
+def _told(view: DepthMap) -> F64:
+    """(N, 3) points that a view is sure of."""
+    step = (slice(None, None, TUNING.wall_step),) * 2
+    origins, directions = rays(view.camera)
+    points = origins + directions * view.depth[..., None]
+    return np.asarray(points[step][(view.depth > 0)[step] & (view.trust > TUNING.wall_sure)[step]])
+
+
+def _is_closed(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> bool:
+    """Whether what views show unsurely past the floor is on walls: it has one colour in one place for all of them.
+    What is far away, and a sky most of all, has one in one direction."""
+    rows = np.concatenate(each(lambda k: _beyond(room, views[k], flats, k), range(len(views))))
+    total = sum(int((view.alpha > TUNING.depth_opaque).sum()) for view in views)
+    above = rows[:, 1] > 0
+    if above.sum() * TUNING.wall_step**2 > TUNING.wall_sky * total and not _is_near(rows[above], TUNING.wall_nearer[0]):
+        return False
+    return _is_near(rows, TUNING.wall_nearer[1])
+
+
+def _is_near(rows: F64, least: float) -> bool:
+    """Whether so many rows of :func:`_beyond` differ less from what other pictures show in their place than from what
+    these show in their direction."""
+    colors, of = rows[:, 6:9], rows[:, 9].astype(np.int64)
+    by_place, by_way = _differing(rows[:, 3:6], colors, of), _differing(rows[:, :3], colors, of)
+    told = np.isfinite(by_place) & np.isfinite(by_way)
+    return bool(told.any() and (by_place < by_way)[told].mean() > least)
+
+
+def _beyond(room: Room, view: DepthMap, flats: Sequence[Flat], k: int) -> F64:
+    """(N, 10) of unsure pixels past the floor and on no plane, as the fronts of a street are: the direction, that of
+    the place where rays leave the room from its middle, the colour; and the view's number."""
+    step = (slice(None, None, TUNING.wall_step),) * 2
+    _, directions = rays(view.camera)
+    _, place, wall = room.left(view)
+    way = turned(directions, room.axes)[step]
+    unsure = (
+        (view.alpha > TUNING.depth_opaque)[step] & (view.trust < TUNING.fog)[step] & (wall[step] | (way[..., 1] > 0))
+    )
+    for flat in flats:
+        unsure &= depth_of(view, flat, directions)[step] == 0
+    way, place = way[unsure], place[step][unsure]
+    units = [way / length(way)[:, None], place / np.maximum(length(place), 1e-12)[:, None]]
+    return np.concatenate([*units, view.color[step][unsure], np.full((len(way), 1), k)], axis=1)
+
+
+def _differing(ways: F64, colors: F64, of: NDArray[np.int64]) -> F64:
+    """(N,) by how much colours differ from those that other pictures show in the same small solid angle, as a mean;
+    infinite where fewer than two others do.
+
+    Args:
+        ways: (N, 3) unit.
+        colors: (N, 3).
+        of: (N,) the picture that each is of.
+    """
+    turn = np.degrees(np.arctan2(ways[:, 2], ways[:, 0])) // TUNING.wall_degrees
+    rise = np.degrees(np.arcsin(np.clip(ways[:, 1], -1, 1))) // TUNING.wall_degrees
+    around = 2 * int(360 / TUNING.wall_degrees)
+    cell = ((rise + around) * around + turn + around).astype(np.int64)
+    pictures = int(of.max(initial=0)) + 1
+    spots, spot, count = np.unique(cell * pictures + of, return_inverse=True, return_counts=True)
+    mean = _means(colors, spot, count)
+    _, cell, views = np.unique(spots // pictures, return_inverse=True, return_counts=True)
+    shown = views[cell]
+    off = length(mean - _means(mean, cell, views)[cell]) * shown / np.maximum(shown - 1, 1)  # itself is in the mean
+    return np.where(shown > 2, off, np.inf)[spot]
+
+
+def _means(rows: F64, of: NDArray[np.int64], count: NDArray[np.int64]) -> F64:
+    """(K, 3) of rows (N, 3) of groups."""
+    return np.stack([np.bincount(of, rows[:, k], len(count)) / count for k in range(3)], axis=1)

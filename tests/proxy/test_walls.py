@@ -1,0 +1,128 @@
+"""Plain walls: a box stands in for the room of which pictures tell little; a sky and a street are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mirelight.model import F64, Camera
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.labels import Sky, flattened
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.views import rays
+from mirelight.proxy.walls import Room, room_of
+
+UP = np.array([0.0, 1.0, 0.0])
+LOW, HIGH = np.array([-2.5, 0.0, -2.0]), np.array([2.5, 2.6, 2.0])  # of the true room
+SPACING = 0.03
+Colors = Callable[[F64, F64], F64]
+
+
+def by_place(place: F64, way: F64) -> F64:
+    """(H, W) of a wall that light falls off along."""
+    return np.asarray(0.5 + 0.1 * place[..., 0] + 0.05 * place[..., 2])
+
+
+def by_direction(place: F64, way: F64) -> F64:
+    """(H, W) of a sky."""
+    return np.asarray(0.5 + 0.3 * way[..., 0] + 0.2 * way[..., 1])
+
+
+def walked(aim: float, count: int = 16) -> list[Camera]:
+    """Round the middle, looking across it."""
+    turns = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    return [
+        Camera.look_at((1.2 * np.cos(a), 1.5, 1.2 * np.sin(a)), (0, aim, 0), 96, 64, yfov=60, name=f"{k}")
+        for k, a in enumerate(turns)
+    ]
+
+
+def shown(camera: Camera, colors: Colors, high: float = 0.4, seed: int = 0) -> DepthMap:
+    """A room whose floor, skirting, so high, and cornice are sure; all else hangs anywhere."""
+    origins, directions = rays(camera)
+    ahead = np.where(np.abs(directions) > 1e-9, directions, 1e-9)
+    depth = (np.where(ahead > 0, HIGH, LOW) - origins) / ahead
+    depth = depth.min(axis=-1)
+    place = origins + directions * depth[..., None]
+    sure = (place[..., 1] < high) | (place[..., 1] > HIGH[1] - 0.1) & (place[..., 1] < HIGH[1] - 1e-6)
+    rng = np.random.default_rng(seed)
+    hangs = depth * rng.uniform(0.4, 1.6, depth.shape)
+    way = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    grey = colors(place, way) + rng.normal(0, 0.01, depth.shape)
+    shape = depth.shape
+    return DepthMap(
+        camera=camera,
+        depth=np.where(sure, depth, hangs).astype(np.float32),
+        normal=(-way).astype(np.float32),
+        spread=np.where(sure, 0.01, 1.0).astype(np.float32),
+        trust=np.where(sure, 1.0, 0.005).astype(np.float32),
+        alpha=np.ones(shape, np.float32),
+        color=np.repeat(np.clip(grey, 0, 0.8)[..., None], 3, axis=2).astype(np.float32),
+    )
+
+
+def found_in(colors: Colors, aim: float = 1.0, high: float = 0.4) -> tuple[Room | None, list[DepthMap]]:
+    views = [shown(camera, colors, high, k) for k, camera in enumerate(walked(aim))]
+    return room_of(views, [], UP), views
+
+
+def test_a_room_with_plain_walls_is_as_large_as_its_skirting_tells() -> None:
+    room, views = found_in(by_place)
+    assert room is not None
+    corners = np.sort(np.stack([(room.low @ room.axes + room.middle), (room.high @ room.axes + room.middle)]), axis=0)
+    np.testing.assert_allclose(corners[:, [0, 2]], [LOW[[0, 2]], HIGH[[0, 2]]], atol=0.1)
+    assert corners[0, 1] == pytest.approx(0.0, abs=0.02)
+
+    # what hangs goes onto its walls, and what is sure stays
+    flats = room.flats(views, SPACING)
+    assert len(flats) == 5 and all(flat.off(room.middle) > 0 for flat in flats)
+    there = shown(views[0].camera, by_place, high=9.0)
+    moved = flattened(views[0], flats, TUNING.plane_tolerance * SPACING, Sky(0.0))
+    off = np.abs(moved.depth / there.depth - 1)
+    assert np.median(np.abs(views[0].depth / there.depth - 1)[views[0].trust < 0.1]) > 0.2
+    assert np.quantile(off, 0.9) < 0.06
+
+
+def test_a_ceiling_that_pictures_show_is_where_the_walls_end() -> None:
+    room, views = found_in(by_place, aim=1.6)
+    assert room is not None and room.roofed
+    floor, *walls, ceiling = room.flats(views, SPACING)
+    assert len(walls) == 4 and ceiling.normal @ floor.normal == pytest.approx(-1)
+    assert -ceiling.offset - floor.offset == pytest.approx(HIGH[1] - LOW[1], abs=0.1)
+
+
+def test_a_sky_is_no_room_where_it_has_one_colour_in_one_direction() -> None:
+    assert found_in(by_direction)[0] is None
+
+
+def test_pictures_that_end_at_the_horizon_may_show_a_room_or_what_is_far_away() -> None:
+    assert found_in(by_place, aim=0.6)[0] is not None
+    assert found_in(by_direction, aim=0.6)[0] is None
+
+
+def test_a_street_is_higher_than_a_room() -> None:
+    views = found_in(by_place)[1]
+    # half of what is above is sure, and high up
+    high = [replace(x, trust=np.where(np.arange(96) % 2 == 0, 1, x.trust).astype(np.float32)) for x in views]
+    lifted = [replace(x, depth=np.where(x.trust == 1, 3 * x.depth, x.depth)) for x in high]
+    assert room_of(lifted, [], UP) is None
+
+
+def test_where_up_is_not_known_or_all_is_sure_there_is_no_guess() -> None:
+    views = found_in(by_place)[1]
+    assert room_of(views, [], None) is None
+    assert room_of([replace(x, trust=np.ones_like(x.trust)) for x in views], [], UP) is None
+
+
+def test_what_shines_in_a_wall_is_put_behind_it() -> None:
+    room, views = found_in(by_place)
+    assert room is not None
+    depth, _, wall = room.left(views[0])
+    white = replace(views[0], color=np.where(wall[..., None], 1, views[0].color).astype(np.float32))
+    white = replace(white, depth=(0.9 * depth).astype(np.float32))
+    shone = room.shone(white)
+    assert (shone.depth[wall] > depth[wall]).all()
+    np.testing.assert_array_equal(shone.depth[~wall], white.depth[~wall])

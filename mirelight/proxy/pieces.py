@@ -74,21 +74,24 @@ def surface_rows(points: Points, rows: Int, normal: F64, offset: float, toleranc
     around = around[~np.isin(around, rows)]
     for k in np.flatnonzero(kept & (np.bincount(own, minlength=len(kept)) >= TUNING.plane_few)):
         some = rows[own == k]
-        bent = _bent(points, some, normal) > TUNING.plane_bent * tolerance
-        kept[k] = not (bent or _fades(points.at[some], points.at[around], normal, tolerance))
+        kept[k] = not (
+            _is_bent(points, some, normal, tolerance) or _fades(points.at[some], points.at[around], normal, tolerance)
+        )
     return np.asarray(rows[kept[own]])
 
 
-def _bent(points: Points, rows: Int, normal: F64) -> float:
-    """By how much a parabola through points that lie about a plane differs from it, one deviation over them, world
-    units: as far as they may lie off where it is a slice of something round."""
+def _is_bent(points: Points, rows: Int, normal: F64, tolerance: float) -> bool:
+    """Whether points that lie about a plane are a slice of something round: a parabola through them differs from it by
+    as much as they may lie off it, one deviation over them. A large old table sags by that much: it is far wider."""
     place = turned_to(points.at[rows], axes_of(normal))
-    place = (place - place.mean(axis=0)) / max(float(place.std()), 1e-300)
-    x, y = place.T
+    place = place - place.mean(axis=0)
+    along = max(float(place.std()), 1e-300)  # a quarter of a disc's width
+    x, y = place.T / along
     basis = np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y], axis=1)
     weight = np.sqrt(points.weight[rows])[:, None]
     found = np.linalg.lstsq(weight * basis, weight[:, 0] * dot(points.at[rows], normal), rcond=None)[0]
-    return float((basis[:, 3:] @ found[3:]).std())
+    most = max(TUNING.plane_bent * tolerance, TUNING.plane_sags * 4 * along)
+    return float((basis[:, 3:] @ found[3:]).std()) > most
 
 
 def _fades(piece: F64, around: F64, normal: F64, tolerance: float) -> bool:

@@ -58,6 +58,7 @@ class Tuning:
     plane_turn: float = 0.165
     # tolerances, by which a piece of a plane is bent, as a deviation: slices of statues 0.35 to 0.41, all else to 0.26
     plane_bent: float = 0.3
+    plane_sags: float = 0.002  # of its width, by which it may be: a round table 0.0015, slices of statues 0.003 to 0.01
     # of the rim of a small piece, past which the surface goes on near its plane: a beard, a chest and a bust's sides
     # 0.81 to 0.97, tables and walls 0.1 to 0.75
     plane_fades: float = 0.78

@@ -57,3 +57,11 @@ def test_a_slice_of_a_beard_is_none_and_a_table_of_its_size_is_one() -> None:
 def test_what_is_large_and_level_is_a_surface_whatever_goes_on_around_it() -> None:
     """A lawn that falls off to all sides."""
     assert share(of_heights(np.where(away() < 36, 0.0, -0.4 * (away() - 36)), noise=0.5)) > 0.9
+
+
+def test_a_wide_table_that_sags_is_a_surface_and_a_small_one_bent_as_much_is_none() -> None:
+    sag = 0.9 * (away() / 40) ** 2
+    finer = of_heights(sag / 4)  # four times as many tolerances wide
+    rows = np.arange(len(finer.at))
+    assert share(of_heights(sag), offset=0.6) == 0
+    assert len(surface_rows(finer, rows, UP, 0.15 * TOLERANCE, TOLERANCE / 4)) == len(rows)

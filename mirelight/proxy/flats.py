@@ -251,6 +251,12 @@ def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64,
     return on.reshape(shape), through.reshape(shape), seen.reshape(shape)
 
 
+def seen_through(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Bool:
+    """(I, J) which of a plane's cells views surely look through."""
+    held, through, seen = votes(flat, views, tolerance)
+    return (through > held) & (through > TUNING.fog * seen)
+
+
 def _confirmed(flat: Flat, flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float) -> Flat:
     """With the cells that views see on the plane, or that they do not look through where it goes on around them, or up
     to another plane."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, points_of
-from mirelight.proxy.flats import Flat, votes
+from mirelight.proxy.flats import Flat, seen_through
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import corners_of
 
@@ -33,9 +33,7 @@ def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: floa
     if at is None or not _is_ground(flats[at], views, tolerance):
         return list(flats)
     ground = flats[at]
-    held, through, seen = votes(ground, views, tolerance)
-    hole = (through > held) & (through > TUNING.fog * seen)
-    whole = replace(ground, there=ground.there | ~hole)
+    whole = replace(ground, there=ground.there | ~seen_through(ground, views, tolerance))
     return [*flats[:at], replace(whole, lift=_lift(whole, views, tolerance)), *flats[at + 1 :]]
 
 

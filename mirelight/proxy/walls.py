@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mirelight.base.together import each
 from mirelight.model import F64
-from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Flat, votes
+from mirelight.proxy.depth import DepthMap, points_of
+from mirelight.proxy.flats import Flat, seen_through
 from mirelight.proxy.labels import depth_of, fog_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import length, rays, turned
@@ -74,8 +74,7 @@ class Room:
         normal = front * self.axes[axis]
         offset = float(normal @ (self.middle + place * self.axes[axis]))
         whole = Flat(normal, offset, along, cell, first, np.ones(tuple(size), bool))
-        held, through, seen = votes(whole, views, TUNING.plane_tolerance * spacing)
-        return replace(whole, there=~((through > held) & (through > TUNING.fog * seen)))
+        return replace(whole, there=~seen_through(whole, views, TUNING.plane_tolerance * spacing))
 
 
 def room_of(views: Sequence[DepthMap], flats: Sequence[Flat], up: F64 | None) -> Room | None:
@@ -139,10 +138,8 @@ def _box(views: Sequence[DepthMap], axes: F64) -> Room | None:
 
 def _told(view: DepthMap) -> F64:
     """(N, 3) points that a view is sure of."""
-    step = (slice(None, None, TUNING.wall_step),) * 2
-    origins, directions = rays(view.camera)
-    points = origins + directions * view.depth[..., None]
-    return np.asarray(points[step][(view.depth > 0)[step] & (view.trust > TUNING.wall_sure)[step]])
+    points, _, trust = points_of(view, TUNING.wall_step)
+    return points[trust > TUNING.wall_sure]
 
 
 def _is_closed(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> bool:

@@ -31,6 +31,7 @@ MOST_AROUND = 1 << 18  # samples that are kept to average over
 _TOGETHER = 8  # samples whose mean is the colour at a place
 _ASKED = 16  # pixels whose median is the colour at a place
 _CELLS = 64  # along the diagonal: cells of the surface that are shown alike often
+_HANGS = 0.5  # of the pixels of such a cell, that are sure: with fewer it is a plain wall, whose splats hang anywhere
 _KNOWN = 1e-3  # weight of what is seen about a place, from which it is known
 _PLANE = 0.7  # least cosine between faces of one surface
 
@@ -178,6 +179,7 @@ class Pixels:
     side: F64  # (N,) 1: the ray meets the face's front, -1: its back
     footprint: F64  # (N,) world units: a pixel's width, across the ray
     color: F64  # (N, 3) linear
+    sure: NDArray[np.bool_]  # (N,) whether the splats lie there; else they hang anywhere along the ray
 
     @property
     def area(self) -> F64:
@@ -197,9 +199,9 @@ class _Pictures:
         self._normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
         low, high = mesh.bounds
         self._size = float(np.linalg.norm(high.astype(np.float64) - low))
-        parts = [pixels_of(view, tracer, self._normals, self._size) for view in views]
-        together = (np.concatenate([getattr(x, name) for x in parts]) for name in Pixels.__slots__)
-        self._pixels = Pixels(*together)
+        parts = [pixels_of(view, tracer, self._normals, self._size, hanging=True) for view in views]
+        together = Pixels(*(np.concatenate([getattr(x, name) for x in parts]) for name in Pixels.__slots__))
+        self._pixels = together.taken(self._telling(together))
 
     def deposits(self, most: int) -> Deposits:
         """At pixels, each with the median colour of those about it, in whichever picture: highlights that few of them
@@ -244,12 +246,22 @@ class _Pictures:
         some = self._pixels.taken(self._even(MOST_AROUND))
         return Samples(some.points, self._normals[some.face], some.color, some.cosine)
 
+    def _telling(self, pixels: Pixels) -> Int:
+        """Rows of those that are sure; all where most are not, as on a plain wall, whose splats hang anywhere."""
+        of = self._cells(pixels)
+        sure = np.bincount(of, pixels.sure) / np.bincount(of)
+        return np.flatnonzero(pixels.sure | (sure < _HANGS)[of])
+
+    def _cells(self, pixels: Pixels) -> Int:
+        """(N,) the part of the surface that each pixel shows."""
+        cell = np.floor(pixels.points * (_CELLS / self._size)).astype(np.int64)
+        return np.unique(cell, axis=0, return_inverse=True)[1].ravel().astype(np.int64)
+
     def _even(self, most: int) -> Int:
         """Rows of at most so many pixels, about as many of each part of the surface however often it is shown."""
         pixels = self._pixels
-        cell = np.floor(pixels.points * (_CELLS / self._size)).astype(np.int64)
-        _, of = np.unique(cell, axis=0, return_inverse=True)
-        share = pixels.area / np.bincount(of.ravel(), pixels.area)[of.ravel()]
+        of = self._cells(pixels)
+        share = pixels.area / np.bincount(of, pixels.area)[of]
         ends = np.cumsum(share)
         asked = (np.arange(min(most, len(share))) + 0.5) / min(most, len(share)) * ends[-1]
         return np.unique(np.minimum(np.searchsorted(ends, asked), len(share) - 1)).astype(np.int64)
@@ -272,7 +284,7 @@ def _weighed(weight: F64, color: F64) -> tuple[F64, NDArray[np.bool_]]:
     return np.einsum("nk,nkc->nc", weight, color) / np.maximum(whole, 1e-300)[:, None], whole > _KNOWN
 
 
-def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> Pixels:
+def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float, *, hanging: bool = False) -> Pixels:
     """Those of a picture in which splats and mesh lie at one depth, but for outlines.
 
     Args:
@@ -280,6 +292,7 @@ def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> Pi
         tracer: of the mesh.
         normals: (F, 3) unit, of its faces.
         size: world units, of its bounds' diagonal.
+        hanging: those too whose splats lie at many depths, as those of a plain wall.
     """
     camera = view.camera
     origins, directions = camera.rays()
@@ -294,14 +307,17 @@ def pixels_of(view: SplatLayer, tracer: Tracer, normals: F64, size: float) -> Pi
     alpha = (1 - view.transmittance).ravel()
     footprint = depth / camera.fx if camera.projection == "perspective" else np.full(len(depth), 1 / camera.fx)
     kept = (face >= 0) & (alpha > OPAQUE) & (cosine > GRAZING)
-    kept &= np.abs(view.median_depth.ravel() - depth) < np.maximum(AGREE[0] * depth, AGREE[1] * size)
+    near = np.maximum(AGREE[0] * depth, AGREE[1] * size)
+    sure = np.abs(view.median_depth.ravel() - depth) < near
+    apart = np.abs(view.median_depth - view.depth).ravel() > near
+    kept &= sure | (apart & hanging)
     kept &= ~_outlines(depth.reshape(shape), (footprint * STEP / GRAZING).reshape(shape)).ravel()
     rows = np.flatnonzero(kept)
     shown = view.color.reshape(-1, 3)[rows] / alpha[rows, None]
     color = shown if view.linear else colour.srgb_decode(np.maximum(shown, 0))
     points = starts[rows] + depth[rows, None] * ways[rows]
     side = np.where(facing[rows] < 0, -1.0, 1.0)
-    return Pixels(rows, points, face[rows], cosine[rows], side, footprint[rows], color.astype(np.float64))
+    return Pixels(rows, points, face[rows], cosine[rows], side, footprint[rows], color.astype(np.float64), sure[rows])
 
 
 def _outlines(depth: F64, step: F64) -> NDArray[np.bool_]:

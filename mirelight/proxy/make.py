@@ -43,7 +43,7 @@ from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
 from mirelight.proxy.upright import Seen, upright
 from mirelight.proxy.views import around, fewer, from_points, held_up, moved
-from mirelight.proxy.walls import room_of
+from mirelight.proxy.walls import hung, room_of
 
 DEPTHS = "taking depth maps"
 _DEFAULT = ProxySettings()
@@ -216,7 +216,9 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     walls = room.flats(views, capture.spacing) if room else list[Flat]()
     if room:
         views = each(room.shone, views)
-    windows = windows_of(views, [*flats, *walls], capture.spacing)
+    windows = windows_of(views, [*flats, *walls], capture.spacing, up)
+    if room:
+        windows = [x for x in windows if x.wall not in walls or room.lets_in(x)]
     if windows:
         away = TUNING.opening_away * capture.radius
         views = each(lambda view: opened(view, windows, capture.spacing, away), views)
@@ -230,7 +232,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     if sky.fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
     flats, many = ended([*flats, *walls]), len(flats)
-    views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3))
+    views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3), walls=range(many, len(flats)))
     grid = fuse(views, capture.half, TUNING.cell * capture.spacing, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
     soup = _surface(grid, flats)
@@ -241,12 +243,19 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
 
 
 def _on_planes(
-    views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, sky: Sky, report: ShareProgress
+    views: Sequence[DepthMap],
+    flats: Sequence[Flat],
+    spacing: float,
+    sky: Sky,
+    report: ShareProgress,
+    walls: Sequence[int] = (),
 ) -> list[DepthMap]:
-    """The views with the pixels that lie on planes moved onto them."""
+    """The views with the pixels that lie on planes moved onto them; `walls`: those that are sides of a room."""
     tolerance = TUNING.plane_tolerance * spacing
     labels = each(lambda view: labelled(view, flats, tolerance), views, report, "moving pixels onto planes")
     labels = filled(views, labels, flats, tolerance)
+    if walls:
+        labels = hung(views, labels, flats, walls)
     pairs = list(zip(views, labels, strict=True))
     return each(lambda pair: flattened(pair[0], flats, tolerance, sky, pair[1]), pairs)
 

@@ -73,16 +73,17 @@ class Window:
         return np.asarray((face > 0) & ~hidden & self.face.inside(origins + directions * face[..., None]))
 
 
-def windows_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float) -> list[Window]:
+def windows_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, up: F64 | None = None) -> list[Window]:
     """The windows in planes.
 
     Args:
         views: maps.
         flats: the planes that they show.
         spacing: of the splats, world units.
+        up: (3,) unit, where it is known: the sun makes no patch on what looks down.
     """
     panes = each(lambda flat: _panes(flat, views, spacing), flats)
-    found = (_window(flat, x, views, spacing) for flat, of in zip(flats, panes, strict=True) for x in of)
+    found = (_window(flat, x, views, spacing, up) for flat, of in zip(flats, panes, strict=True) for x in of)
     return [window for window in found if window is not None]
 
 
@@ -128,9 +129,9 @@ def _panes(flat: Flat, views: Sequence[DepthMap], spacing: float) -> list[Bool]:
     ]
 
 
-def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) -> Window | None:
+def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float, up: F64 | None = None) -> Window | None:
     """What is white in the plane where the pictures agree best; None where that is the wall's face, as of a patch of
-    sun."""
+    sun, and the wall does not look down."""
     from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, binary_opening
 
     eyes = np.stack([view.camera.position for view in views])
@@ -149,7 +150,8 @@ def _window(wall: Flat, panes: Bool, views: Sequence[DepthMap], spacing: float) 
 
     found = each(looked, np.arange(-TUNING.opening_depth, TUNING.opening_deepest, TUNING.opening_depth))
     _, deep, face, shown = min(found, key=lambda x: x[:2])
-    if deep < TUNING.window_bars:
+    looks_down = up is not None and float(front * wall.normal @ up) < -TUNING.wall_level
+    if deep < TUNING.window_bars and not looks_down:
         return None
     reach = round(TUNING.opening_rim / TUNING.opening_fine)
     square = np.ones((2 * reach + 1,) * 2, bool)

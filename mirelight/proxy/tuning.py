@@ -87,6 +87,8 @@ class Tuning:
     wall_step: int = 3  # every third pixel, both ways
     wall_far: float = 0.98  # of what is sure on a side lies before its wall
     wall_floor: float = 0.003  # of all that is sure lies below the floor
+    wall_on: float = 0.05  # of its way, by which a pixel may miss a ceiling that it shows
+    wall_ceiling: float = 0.33  # of what is sure above walls is on the ceiling: in halls 0.7, in a street 0.17
     wall_cells: int = 1000  # of a box's longest side, at most
     wall_eyes: float = 1.1  # times as far as a camera stood, at least
     # of the pixels, unsure and above the horizon: 0.006 in a room looked at from above, 0.05 to 0.11 beneath a sky
@@ -95,6 +97,7 @@ class Tuning:
     # 0.93 in rooms, beneath skies 0.58 to 0.7; of all that rays leave for past the floor 0.7 to 0.93 in rooms
     wall_nearer: tuple[float, float] = (0.75, 0.6)
     wall_degrees: float = 3.0  # of the solid angles that are compared
+    wall_alike: float = 0.2  # display values, summed over channels: what differs less from a wall is on it
     wall_white: tuple[float, float] = (0.7, 1.05)  # of the way to a wall: what is white from here to there is behind it
 
     # which pixels lie on planes (`labels`)

@@ -17,8 +17,10 @@ from mirelight.base.together import each
 from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.flats import Flat, seen_through
-from mirelight.proxy.labels import depth_of, fog_of
+from mirelight.proxy.labels import Labels, depth_of, fog_of
+from mirelight.proxy.openings import Window
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import Int
 from mirelight.proxy.views import length, rays, turned
 
 Bool = NDArray[np.bool_]
@@ -49,14 +51,28 @@ class Room:
         _, place, wall = self.left(view)
         return float((~wall & (place[..., 1] > 0)).mean())
 
+    def shown_above(self, view: DepthMap) -> tuple[int, int]:
+        """How many of the view's pixels whose rays leave the room above its walls are sure, and how many of those are
+        on its ceiling."""
+        depth, place, wall = self.left(view)
+        sure = ~wall & (place[..., 1] > 0) & (view.trust > TUNING.wall_sure)
+        on = sure & (np.abs(view.depth / depth - 1) < TUNING.wall_on)
+        return int(sure.sum()), int(on.sum())
+
     def shone(self, view: DepthMap) -> DepthMap:
-        """The view with what is white about its walls behind them, as windows are looked for there: the sky in them
-        hangs anywhere, too."""
-        depth, _, wall = self.left(view)
+        """The view with what is white about its walls and ceiling behind them, as windows and skylights are looked for
+        there: the sky in them hangs anywhere, too."""
+        depth, place, wall = self.left(view)
         near, behind = TUNING.wall_white
-        white = wall & (view.color.min(axis=2) > TUNING.clipped)
+        white = (wall | (place[..., 1] > 0)) & (view.color.min(axis=2) > TUNING.clipped)
         white &= (view.depth > near * depth) & (view.depth < behind * depth)
         return replace(view, depth=np.where(white, behind * depth, view.depth).astype(np.float32))
+
+    def lets_in(self, window: Window) -> bool:
+        """Whether a window in one of its walls is higher than cameras stood: what is white below may be a patch of sun,
+        as nobody knows the wall's place well enough to tell them apart by depth."""
+        top = window.face.middles[window.face.there.ravel()]
+        return len(top) > 0 and float(turned(top - self.middle, self.axes)[:, 1].max()) > 0
 
     def flats(self, views: Sequence[DepthMap], spacing: float) -> list[Flat]:
         """Its floor, walls and ceiling if any, but for what of them views surely see through."""
@@ -91,6 +107,67 @@ def room_of(views: Sequence[DepthMap], flats: Sequence[Flat], up: F64 | None) ->
     return found if found is not None and _is_closed(found, views, flats) else None
 
 
+def hung(
+    views: Sequence[DepthMap], labels: Sequence[Labels], flats: Sequence[Flat], walls: Sequence[int]
+) -> list[Labels]:
+    """The labels, with unsure pixels of no plane put onto the wall behind them where they look like it: along its
+    edges, and about what stands before it. A plain thing before a wall has another colour.
+
+    Args:
+        views: maps.
+        labels: of each.
+        flats: the planes that they tell of.
+        walls: which of them are sides of a room.
+    """
+    behind = each(lambda view: _behind(view, flats, walls), views)
+    looks = {k: _looks(k, views, labels, flats[k], behind) for k in walls}
+
+    def put(i: int) -> Labels:
+        view, (wall, cell) = views[i], behind[i]
+        plane, sure = labels[i].plane.copy(), labels[i].sure.copy()
+        unsure = (plane == len(flats)) & (view.depth > 0) & (view.trust < TUNING.fog)
+        for k in walls:
+            there = unsure & (wall == k)
+            off = np.abs(view.color[there] - looks[k][cell[there]]).sum(axis=1)
+            there[there] = off < TUNING.wall_alike
+            plane[there], sure[there] = k, 1
+        return Labels(plane, sure)
+
+    return each(put, range(len(views)))
+
+
+def _behind(view: DepthMap, flats: Sequence[Flat], walls: Sequence[int]) -> tuple[Int, Int]:
+    """(H, W) the wall that each of a view's rays meets first, -1: none, and which of its cells."""
+    origins, directions = rays(view.camera)
+    nearest = np.full(view.depth.shape, np.inf)
+    wall, cell = np.full(view.depth.shape, -1), np.zeros(view.depth.shape, np.int64)
+    for k in walls:
+        depth = depth_of(view, flats[k], directions)
+        first = (depth > 0) & (depth < nearest)
+        i, _ = flats[k].cells((origins + directions * depth[..., None])[first])
+        nearest[first], wall[first] = depth[first], k
+        cell[first] = i[:, 0] * flats[k].there.shape[1] + i[:, 1]
+    return wall, cell
+
+
+def _looks(
+    k: int, views: Sequence[DepthMap], labels: Sequence[Labels], flat: Flat, behind: Sequence[tuple[Int, Int]]
+) -> F64:
+    """(C, 3) what the cells of a wall look like, the mean over pixels that lie on it; as those beside it where none
+    does; infinite where none does at all."""
+    from scipy.ndimage import distance_transform_edt
+
+    there = [(label.plane == k) & (wall == k) for label, (wall, _) in zip(labels, behind, strict=True)]
+    cell = np.concatenate([of[x] for x, (_, of) in zip(there, behind, strict=True)])
+    color = np.concatenate([view.color[x] for x, view in zip(there, views, strict=True)])
+    count = np.bincount(cell, minlength=flat.there.size)
+    if not count.any():
+        return np.full((flat.there.size, 3), np.inf)
+    mean = _means(color.astype(np.float64), cell, np.maximum(count, 1))
+    at = distance_transform_edt((count == 0).reshape(flat.there.shape), return_distances=False, return_indices=True)
+    return np.asarray(mean.reshape(*flat.there.shape, 3)[tuple(at)].reshape(-1, 3))
+
+
 def _axes(flats: Sequence[Flat], up: F64) -> F64:
     """(3, 3) along the largest wall that was found, if any, and upright as the largest level plane is."""
     size = [int(flat.there.sum()) for flat in flats]
@@ -107,8 +184,8 @@ def _axes(flats: Sequence[Flat], up: F64) -> F64:
 
 
 def _box(views: Sequence[DepthMap], axes: F64) -> Room | None:
-    """As far as what is sure in views reaches on each side, and no nearer than cameras stood. None where that is
-    higher than rooms are, as in a street, or a camera stands below it."""
+    """As far as what is sure in views reaches on each side, and no nearer than cameras stood. None where a camera
+    stands below it, and where it is higher than most rooms are and has no sure ceiling, as a street."""
     eyes = np.stack([view.camera.position for view in views])
     middle = np.median(eyes, axis=0)
     at, stood = turned(np.concatenate(each(_told, views)) - middle, axes), turned(eyes - middle, axes)
@@ -117,8 +194,7 @@ def _box(views: Sequence[DepthMap], axes: F64) -> Room | None:
     low, high = np.zeros(3), np.zeros(3)
     low[1], seen = np.quantile(at[:, 1], [TUNING.wall_floor, TUNING.ceiling_seen])
     high[1] = low[1] + TUNING.ceiling_most * (stood[:, 1].max() - low[1])
-    if seen > high[1]:
-        return None
+    tall = bool(seen > high[1])
     for k in (0, 2):
         for side, out in ((1.0, high), (-1.0, low)):
             away = side * at[:, k]
@@ -131,9 +207,16 @@ def _box(views: Sequence[DepthMap], axes: F64) -> Room | None:
     over = low[1] + TUNING.ceiling_over * (stood[:, 1].max() - low[1])
     below = Room(middle, axes, low, np.array([high[0], over, high[2]]), roofed=True)
     if np.mean(each(below.looked_up, views)) < TUNING.wall_sky:
-        return Room(middle, axes, low, high)
+        return None if tall else Room(middle, axes, low, high)
     over = max(over, float(np.quantile(at[:, 1], 1 - TUNING.wall_floor)))
-    return replace(below, high=np.array([high[0], over, high[2]]))
+    room = replace(below, high=np.array([high[0], over, high[2]]))
+    return None if tall and not _has_ceiling(room, views) else room
+
+
+def _has_ceiling(room: Room, views: Sequence[DepthMap]) -> bool:
+    """Whether much of what views show surely above the walls is on one plane; fronts of a street end anywhere."""
+    sure, on = np.sum(each(room.shown_above, views), axis=0)
+    return bool(on > TUNING.wall_ceiling * sure)
 
 
 def _told(view: DepthMap) -> F64:

@@ -216,6 +216,14 @@ PLANS = (
         ("overcast", "lamps", "low sun"),
         shooting=replace(_LONGER, spp=32),
     ),
+    _Plan(
+        "hall",
+        "hall",
+        "hall, from texture",
+        "sunny",
+        ("overcast", "lamps", "low sun"),
+        shooting=replace(_LONGER, spp=32, textured=True),
+    ),
     _Plan("bust", "bust", "bust, trained", "soft boxes", ("low sun", "clouds", "lamp"), shooting=Shooting()),
     _Plan("street", "street", "street, trained", "clouds", ("clear day", "low sun", "lanterns"), shooting=_LONGER),
     _Plan(

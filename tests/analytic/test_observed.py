@@ -163,6 +163,24 @@ def test_a_proxy_that_no_picture_shows() -> None:
         colored_by(cloud, away, DAY, SETTINGS, capture_views(cloud, VIEWS))
 
 
+def test_a_plain_floor_whose_splats_hang_has_its_colour() -> None:
+    """Thin ones high above one half and below it, which no picture places; over the other half they lie on it."""
+    rng = np.random.default_rng(5)
+    high = rng.uniform((-2, -0.5, -2), (0, 1.2, 2), (9000, 3))
+    on = rng.uniform((0, -0.01, -2), (2, 0.01, 2), (3000, 3))
+    display = np.full((12000, 3), float(srgb_encode(np.array(0.3))))
+    display[9000:] = float(srgb_encode(np.array(0.05)))
+    opacities = np.concatenate([np.full(9000, 0.3), np.full(3000, 0.6)])
+    cloud = cloud_of(np.concatenate([high, on]), np.full((12000, 3), 0.05), opacities, display)
+    made = colored_by(cloud, floor(), DAY, SETTINGS, capture_views(cloud, VIEWS))
+    assert made.vertex_colors is not None
+    x, z = made.vertices[:, 0], made.vertices[:, 2]
+    hanging = made.vertex_colors[(x < -0.5) & (x > -1.2) & (np.abs(z) < 0.8)]
+    assert float(np.median(hanging)) == pytest.approx(0.3, rel=0.1)
+    lying = made.vertex_colors[(x > 0.5) & (x < 1.2) & (np.abs(z) < 0.8)]
+    assert float(np.median(lying)) == pytest.approx(0.05, rel=0.2)
+
+
 def test_a_wall_beside_a_floor_takes_none_of_its_colour() -> None:
     """Pixels on outlines are mixtures: a dark slab in front of a bright floor stays dark at its rim."""
     rng = np.random.default_rng(3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -57,6 +59,16 @@ def view(
     color = np.repeat(level[..., None], 3, axis=2).astype(np.float32)
     normal = np.tile(np.array([0, 0, 1], np.float32), (*depth.shape, 1))
     return DepthMap(camera, color, ones, depth.astype(np.float32), normal, 0 * ones, ones)
+
+
+def patched(eye: tuple[float, float, float]) -> DepthMap:
+    """The wall with its window's white on its face, bars too, and fog behind, as of a patch of sun or a skylight."""
+    seen = view(eye)
+    _, ways = rays(seen.camera)
+    at = plane(0.0, ways, np.array(eye))
+    white = (np.abs(at) < HALF).all(axis=-1) & ~(np.abs(at) < BAR / 3).any(axis=-1)
+    color = np.repeat(np.where(white, 1.0, 0.4)[..., None], 3, axis=2).astype(np.float32)
+    return replace(seen, color=color)
 
 
 EYES = [(x, y, 2.5) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-0.5, 0.6)]
@@ -121,6 +133,15 @@ def test_what_is_seen_through_a_window_is_far_away_and_the_wall_stays() -> None:
     assert (after.depth[there] == 50).all()
     apart = (np.abs(plane(0.0, ways, before.camera.position)) > HALF + SPACING).any(axis=-1)
     np.testing.assert_array_equal(after.depth[apart], before.depth[apart])
+
+
+def test_the_sun_makes_no_patch_on_a_ceiling() -> None:
+    """What is white there lets light in, although its bars stand in its face."""
+    seen = [patched(eye) for eye in EYES]
+    assert windows_of(seen, [wall()], SPACING) == []
+    assert windows_of(seen, [wall()], SPACING, np.array([0.0, 1, 0])) == []
+    (skylight,) = windows_of(seen, [wall()], SPACING, np.array([0.0, 0, -1]))  # it looks down
+    assert skylight.bars.any() and not skylight.bars[skylight.face.there].all()
 
 
 def test_a_wall_without_white_has_no_window() -> None:

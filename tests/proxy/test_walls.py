@@ -10,10 +10,11 @@ import pytest
 
 from mirelight.model import F64, Camera
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.labels import Sky, flattened
+from mirelight.proxy.labels import Sky, flattened, labelled
+from mirelight.proxy.openings import Window
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
-from mirelight.proxy.walls import Room, room_of
+from mirelight.proxy.walls import Room, hung, room_of
 
 UP = np.array([0.0, 1.0, 0.0])
 LOW, HIGH = np.array([-2.5, 0.0, -2.0]), np.array([2.5, 2.6, 2.0])  # of the true room
@@ -31,11 +32,11 @@ def by_direction(place: F64, way: F64) -> F64:
     return np.asarray(0.5 + 0.3 * way[..., 0] + 0.2 * way[..., 1])
 
 
-def walked(aim: float, count: int = 16) -> list[Camera]:
+def walked(aim: float, count: int = 16, eye: float = 1.5) -> list[Camera]:
     """Round the middle, looking across it."""
     turns = np.linspace(0, 2 * np.pi, count, endpoint=False)
     return [
-        Camera.look_at((1.2 * np.cos(a), 1.5, 1.2 * np.sin(a)), (0, aim, 0), 96, 64, yfov=60, name=f"{k}")
+        Camera.look_at((1.2 * np.cos(a), eye, 1.2 * np.sin(a)), (0, aim, 0), 96, 64, yfov=60, name=f"{k}")
         for k, a in enumerate(turns)
     ]
 
@@ -109,6 +110,61 @@ def test_a_street_is_higher_than_a_room() -> None:
     high = [replace(x, trust=np.where(np.arange(96) % 2 == 0, 1, x.trust).astype(np.float32)) for x in views]
     lifted = [replace(x, depth=np.where(x.trust == 1, 3 * x.depth, x.depth)) for x in high]
     assert room_of(lifted, [], UP) is None
+
+
+def test_a_hall_is_higher_than_most_rooms_and_shows_its_ceiling() -> None:
+    """Eyes a quarter as high as the ceiling, of which every second pixel is sure; fronts of a street end anywhere."""
+    views = [shown(camera, by_place, seed=k) for k, camera in enumerate(walked(0.9, eye=0.6))]
+
+    def ceiled(view: DepthMap, uneven: float) -> DepthMap:
+        origins, directions = rays(view.camera)
+        depth = (HIGH[1] - origins[..., 1]) / np.where(directions[..., 1] > 1e-9, directions[..., 1], 1e-9)
+        at = origins + directions * depth[..., None]
+        over = (np.abs(at[..., 0]) < HIGH[0]) & (np.abs(at[..., 2]) < HIGH[2]) & (np.arange(96) % 2 == 0)
+        depth = depth * (1 + uneven * np.random.default_rng(1).uniform(-1, 1, depth.shape))
+        return replace(
+            view,
+            depth=np.where(over, depth, view.depth).astype(np.float32),
+            trust=np.where(over, 1, view.trust).astype(np.float32),
+        )
+
+    assert room_of([ceiled(x, 0.3) for x in views], [], UP) is None
+    room = room_of([ceiled(x, 0.0) for x in views], [], UP)
+    assert room is not None and room.roofed
+    assert room.high[1] - room.low[1] == pytest.approx(HIGH[1] - LOW[1], abs=0.1)
+
+
+def test_what_hangs_before_a_wall_and_looks_like_it_is_on_it() -> None:
+    """A post, plain and dark, hangs as well, and stays."""
+    room, views = found_in(by_place)
+    assert room is not None
+    flats = room.flats(views, SPACING)
+    labels = [labelled(x, flats, TUNING.plane_tolerance * SPACING) for x in views]
+    free, post = (slice(10, 20), slice(40, 60)), (slice(10, 20), slice(50, 55))
+    plane, color = labels[0].plane.copy(), views[0].color.copy()
+    before = plane[free].copy()
+    assert (before < len(flats)).all() and (views[0].trust[free] < TUNING.fog).all()
+    plane[free], color[post] = len(flats), 0.05
+    views[0] = replace(views[0], color=color)
+    settled = hung(views, [replace(labels[0], plane=plane), *labels[1:]], flats, range(len(flats)))
+    is_post = np.zeros(plane.shape, bool)
+    is_post[post] = True
+    assert (settled[0].plane[post] == len(flats)).all()
+    put = settled[0].plane[free][~is_post[free]]
+    assert (put == before[~is_post[free]]).mean() > 0.95
+
+
+def test_what_is_white_and_low_in_a_guessed_wall_is_a_patch_of_sun() -> None:
+    room, views = found_in(by_place)
+    assert room is not None
+    wall = room.flats(views, SPACING)[1]
+
+    def between(low: float, high: float) -> Window:
+        at = wall.middles[:, 1].reshape(wall.there.shape)
+        there = (at > low) & (at < high)
+        return Window(wall, replace(wall, there=there), there, 1.0)
+
+    assert room.lets_in(between(0.8, 2.0)) and not room.lets_in(between(0.2, 1.3))
 
 
 def test_where_up_is_not_known_or_all_is_sure_there_is_no_guess() -> None:

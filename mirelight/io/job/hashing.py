@@ -28,11 +28,14 @@ def digest(path: Path) -> str:
     A file that names others (glTF its buffers and images, OBJ its material libraries and their textures, PLY its
     texture, a stage its layers and textures, a SOG's meta.json or lod-meta.json) has the digest of the list
     ``name NUL sha256 LF`` over all of them, in the order of the names. A folder has that of its lod-meta.json or
-    meta.json. Files that nothing names are not read.
+    meta.json, a training's that of its last iteration. Files that nothing names are not read.
 
     Raises:
         InputError: a file cannot be read, or is larger than memory; a folder without splats.
     """
+    from mirelight.io.splats.training import resolved
+
+    path = resolved(path)
     head = _index_of(path) if path.is_dir() else path
     files = sorted({head, *companions(head)})
     if files == [path]:

@@ -34,6 +34,11 @@ def test_a_file_has_the_digest_that_sha256sum_prints(tmp_path: Path) -> None:
     assert digest(tmp_path / "a.ply") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
 
 
+def test_the_folder_of_a_training_counts_as_its_last_splats(tmp_path: Path) -> None:
+    write(tmp_path, {f"point_cloud/iteration_{n}/point_cloud.ply": f"{n}".encode() for n in (7000, 30_000)})
+    assert digest(tmp_path) == sha(b"30000")
+
+
 def test_a_streamed_sog_counts_with_all_levels(tmp_path: Path) -> None:
     meta = json.dumps({"means": {"files": ["means_l.webp"]}}).encode()
     files = {

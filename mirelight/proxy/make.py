@@ -85,7 +85,7 @@ def make(
     report, began = progress or quiet, time.monotonic()
     report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)
-    method = _method(capture, settings)
+    method, level = _method(capture, settings), True
     there = [moved(camera, -capture.middle) for camera in cameras]
     refuse_strangers(capture, there, source)
     if method == "cells":
@@ -113,7 +113,7 @@ def make(
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
         up = held_up(cameras) if cameras else _stands(views, around=not there)
         found = _fused(capture, views, up, part(report, 0.55, 0.75), guessed=not cameras)
-        soup, shown, mirrors = found.soup, found.shown, found.mirrors
+        soup, shown, mirrors, level = found.soup, found.shown, found.mirrors, found.level
         if there and (core := core_of(capture, there, found.cell / TUNING.cell)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
     if not len(soup.faces):
@@ -128,7 +128,7 @@ def make(
     whole, ceiling = soup, None
     if there:
         # how high people held their cameras is told by these or by colours, not by where it looks clear
-        roofed = settings.ceiling and (bool(cameras) or splats.sh_degree > 0)
+        roofed = settings.ceiling and level and (bool(cameras) or splats.sh_degree > 0)
         last = part(report, 0.95, 1.0)
         added = closing(soup, sight, there, capture.spacing, last, shown, ceiling=roofed, guessed=not cameras)
         whole, ceiling = soup.beside(added.soup), added.ceiling
@@ -180,6 +180,7 @@ class _Fused:
     sky: Sky
     sweep: Sweep
     room: bool  # one with windows
+    level: bool  # no walls are guessed, or views show them as high as eyes
 
     @property
     def shown(self) -> list[DepthMap]:
@@ -214,6 +215,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         flats = closed_by(flats, mirrors)
     room = None if guessed else room_of(views, flats, up)
     walls = room.flats(views, capture.spacing) if room else list[Flat]()
+    level = room is None or room.is_shown_level(views)
     if room:
         views = each(room.shone, views)
     windows = windows_of(views, [*flats, *walls], capture.spacing, up)
@@ -239,7 +241,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     for window in windows:
         soup = soup.beside(window.solid())
     kept = [sweep.along(mirror) for mirror in mirrors.values()]
-    return _Fused(soup, grid.cell, views, flats[:many], kept, sky, sweep, bool(windows))
+    return _Fused(soup, grid.cell, views, flats[:many], kept, sky, sweep, bool(windows), level)
 
 
 def _on_planes(

@@ -87,6 +87,8 @@ class Tuning:
     wall_step: int = 3  # every third pixel, both ways
     wall_far: float = 0.98  # of what is sure on a side lies before its wall
     wall_floor: float = 0.003  # of all that is sure lies below the floor
+    wall_views: int = 3  # that show a wall above eyes, and
+    wall_round: float = 0.9  # of the ways round a room, in which they do: 1 of rooms, 0.01 of one looked down in
     wall_on: float = 0.05  # of its way, by which a pixel may miss a ceiling that it shows
     wall_ceiling: float = 0.33  # of what is sure above walls is on the ceiling: in halls 0.7, in a street 0.17
     wall_cells: int = 1000  # of a box's longest side, at most

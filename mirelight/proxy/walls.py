@@ -51,6 +51,19 @@ class Room:
         _, place, wall = self.left(view)
         return float((~wall & (place[..., 1] > 0)).mean())
 
+    def is_shown_level(self, views: Sequence[DepthMap]) -> bool:
+        """Whether views show its walls all round higher than they were taken from; else little tells where those are,
+        and nothing how they end."""
+        shown = np.sum(each(self._ways, views), axis=0)
+        return bool((shown >= TUNING.wall_views).mean() > TUNING.wall_round)
+
+    def _ways(self, view: DepthMap) -> Bool:
+        """(K,) the ways round the room in which a view shows a wall higher than cameras stood."""
+        _, place, wall = self.left(view)
+        at = place[wall & (place[..., 1] > 0) & (view.alpha > TUNING.depth_opaque)]
+        turn = (np.arctan2(at[:, 2], at[:, 0]) / (2 * np.pi) + 0.5) * TUNING.ceiling_ways
+        return np.isin(np.arange(TUNING.ceiling_ways), turn.astype(np.int64) % TUNING.ceiling_ways)
+
     def shown_above(self, view: DepthMap) -> tuple[int, int]:
         """How many of the view's pixels whose rays leave the room above its walls are sure, and how many of those are
         on its ceiling."""

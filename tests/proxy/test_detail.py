@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -128,9 +129,16 @@ def test_what_most_pictures_show_has_no_sky(monkeypatch: pytest.MonkeyPatch) -> 
     found = []
     flattened = made_of._on_planes
 
-    def heard(views: list[DepthMap], flats: list[Flat], spacing: float, sky: Sky, report: ShareProgress) -> object:
+    def heard(
+        views: list[DepthMap],
+        flats: list[Flat],
+        spacing: float,
+        sky: Sky,
+        report: ShareProgress,
+        walls: Sequence[int] = (),
+    ) -> object:
         found.append(sky.fog)
-        return flattened(views, flats, spacing, sky, report)
+        return flattened(views, flats, spacing, sky, report, walls)
 
     monkeypatch.setattr(made_of, "_on_planes", heard)
     monkeypatch.setattr(made_of, "fog_of", lambda *_: TUNING.fog)

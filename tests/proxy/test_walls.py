@@ -154,6 +154,12 @@ def test_what_hangs_before_a_wall_and_looks_like_it_is_on_it() -> None:
     assert (put == before[~is_post[free]]).mean() > 0.95
 
 
+def test_walls_that_pictures_end_below_tell_of_no_ceiling() -> None:
+    room, views = found_in(by_place, aim=1.4)
+    assert room is not None and room.is_shown_level(views)
+    assert not room.is_shown_level([shown(camera, by_place) for camera in walked(0.1)])
+
+
 def test_what_is_white_and_low_in_a_guessed_wall_is_a_patch_of_sun() -> None:
     room, views = found_in(by_place)
     assert room is not None

@@ -218,7 +218,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     level = room is None or room.is_shown_level(views)
     if room:
         views = each(room.shone, views)
-    windows = windows_of(views, [*flats, *walls], capture.spacing, up)
+    windows = windows_of(views, [*flats, *walls], capture.spacing, up if room else None)
     if room:
         windows = [x for x in windows if x.wall not in walls or room.lets_in(x)]
     if windows:

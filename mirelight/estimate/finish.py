@@ -89,7 +89,7 @@ def finishes(
     some = views[:: -(-len(views) // TUNING.gloss_most_views)]
     bare = Tracer(mesh, settings, layers=False, aovs=False)
     pixels = [pixels_of(x, bare, normals, size) for x in some]
-    seen = Pixels(*(np.concatenate([getattr(x, name) for x in pixels]) for name in Pixels.__slots__))
+    seen = Pixels.together(pixels)
     lobes = np.stack([_mirrored(mesh, x, light, some, pixels, settings, report) for x in TUNING.gloss_roughnesses])
     return tuple(_finish(name, _evidence(seen, regions[seen.face] == k, lobes, size)) for k, name in enumerate(names))
 

@@ -186,6 +186,11 @@ class Pixels:
         """Area of the surface that each pixel shows (N,)."""
         return np.asarray(self.footprint**2 / self.cosine)
 
+    @staticmethod
+    def together(parts: Sequence[Pixels]) -> Pixels:
+        """Those of several pictures (N,) in all, one after the other."""
+        return Pixels(*(np.concatenate([getattr(x, name) for x in parts]) for name in Pixels.__slots__))
+
     def taken(self, rows: Int) -> Pixels:
         """The same of some pixels, by their rows (M,)."""
         return Pixels(*(getattr(self, name)[rows] for name in self.__slots__))
@@ -199,9 +204,8 @@ class _Pictures:
         self._normals = triangles.normals(mesh.vertices[mesh.faces].astype(np.float64))
         low, high = mesh.bounds
         self._size = float(np.linalg.norm(high.astype(np.float64) - low))
-        parts = [pixels_of(view, tracer, self._normals, self._size, hanging=True) for view in views]
-        together = Pixels(*(np.concatenate([getattr(x, name) for x in parts]) for name in Pixels.__slots__))
-        self._pixels = together.taken(self._telling(together))
+        shown = Pixels.together([pixels_of(x, tracer, self._normals, self._size, hanging=True) for x in views])
+        self._pixels = shown.taken(self._telling(shown))
 
     def deposits(self, most: int) -> Deposits:
         """At pixels, each with the median colour of those about it, in whichever picture: highlights that few of them

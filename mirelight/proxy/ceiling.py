@@ -41,14 +41,18 @@ class Ceiling:
         """Its triangles between the walls and a little over them, and what no picture shows of the walls below it.
 
         Fronts face the room. A window that pictures do not show to its end ends with them: rows of `beyond` end below
-        it, and would leave open what is above. `low`, `high`: (3,) corners of the box that is closed.
+        it, and would leave open what is above. Pictures end within cells: those beside are closed as well, or the sun
+        comes in through a slit. `low`, `high`: (3,) corners of the box that is closed.
         """
+        from scipy.ndimage import binary_dilation
+
         out = Soup(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
         for normal, offset in ((-self.up, -self.height), *self.walls):
             sheet = Sheet.of(Plane(normal, offset, np.zeros(0, np.int64), 0.0), planes, low, high, cell)
             at = sheet.middles()
-            _, shown = pictures.states(at.astype(np.float32), 0.0)
-            inside = ~shown & (at @ self.up < self.height + cell) & self._between(at, 2 * cell)
+            free, shown = pictures.states(at.astype(np.float32), -TUNING.beyond_near * cell)
+            unseen = binary_dilation(~shown.reshape(sheet.inside.shape), np.ones((3, 3), bool)).ravel() & ~free
+            inside = unseen & (at @ self.up < self.height + cell) & self._between(at, 2 * cell)
             out = out.beside(sheet.rectangles(inside.reshape(sheet.inside.shape)))
         return out
 

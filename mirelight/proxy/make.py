@@ -216,14 +216,15 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     room = None if guessed else room_of(views, flats, up)
     walls = room.flats(views, capture.spacing) if room else list[Flat]()
     level = room is None or room.is_shown_level(views)
-    if room:
-        views = each(room.shone, views)
-    windows = windows_of(views, [*flats, *walls], capture.spacing, up if room else None)
+    looked = each(room.shone, views) if room else views
+    windows = windows_of(looked, [*flats, *walls], capture.spacing, up if room else None)
     if room:
         windows = [x for x in windows if x.wall not in walls or room.lets_in(x)]
+        views = each(room.sunlit, views)
     if windows:
         away = TUNING.opening_away * capture.radius
-        views = each(lambda view: opened(view, windows, capture.spacing, away), views)
+        pairs = list(zip(views, looked, strict=True))
+        views = each(lambda pair: opened(*pair, windows, capture.spacing, away), pairs)
         flats = flats_of(views, capture.spacing, capture.radius)
     sweep = Sweep.of([] if guessed else views, flats, capture.spacing)
     views, flats = each(sweep.moved, views), sweep.flats

@@ -87,9 +87,10 @@ def windows_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float,
     return [window for window in found if window is not None]
 
 
-def opened(view: DepthMap, windows: Sequence[Window], spacing: float, away: float) -> DepthMap:
-    """The view with all that is seen through windows so far away, bars too: those are made apart."""
-    sky = np.any([window.opened(view, spacing) for window in windows], axis=0)
+def opened(view: DepthMap, looked: DepthMap, windows: Sequence[Window], spacing: float, away: float) -> DepthMap:
+    """The view with all that is seen through windows so far away, bars too: those are made apart. `looked`: the same as
+    windows were looked for in it."""
+    sky = np.any([window.opened(looked, spacing) for window in windows], axis=0)
     _, directions = rays(view.camera)
     facing = -directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     return replace(

@@ -75,11 +75,21 @@ class Room:
     def shone(self, view: DepthMap) -> DepthMap:
         """The view with what is white about its walls and ceiling behind them, as windows and skylights are looked for
         there: the sky in them hangs anywhere, too."""
+        depth, white = self._white(view)
+        return replace(view, depth=np.where(white, TUNING.wall_white[1] * depth, view.depth).astype(np.float32))
+
+    def sunlit(self, view: DepthMap) -> DepthMap:
+        """The view with what is white and hangs about its walls and ceiling on them, as a patch of sun is."""
+        depth, white = self._white(view)
+        white &= view.trust < TUNING.fog
+        return replace(view, depth=np.where(white, depth, view.depth).astype(np.float32))
+
+    def _white(self, view: DepthMap) -> tuple[F64, Bool]:
+        """(H, W) depths at which the view's rays leave the room, and which pixels near there are white."""
         depth, place, wall = self.left(view)
         near, behind = TUNING.wall_white
         white = (wall | (place[..., 1] > 0)) & (view.color.min(axis=2) > TUNING.clipped)
-        white &= (view.depth > near * depth) & (view.depth < behind * depth)
-        return replace(view, depth=np.where(white, behind * depth, view.depth).astype(np.float32))
+        return depth, white & (view.depth > near * depth) & (view.depth < behind * depth)
 
     def lets_in(self, window: Window) -> bool:
         """Whether a window in one of its walls is higher than cameras stood: what is white below may be a patch of sun,

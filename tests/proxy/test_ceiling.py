@@ -12,6 +12,7 @@ from mirelight.base.progress import quiet
 from mirelight.lighting.sight import Sight
 from mirelight.model import Camera
 from mirelight.proxy import make
+from mirelight.proxy.beyond import box_of
 from mirelight.proxy.capture import take
 from mirelight.proxy.ceiling import Ceiling, ceiling_of
 from mirelight.proxy.depth import DepthMap
@@ -99,6 +100,20 @@ def test_no_light_comes_from_above_and_the_window_stays_open() -> None:
     assert not sight.blocked(np.array([0.0, 1.2, 0.0]), through).any()
     over = np.array([[HALF, y, z] for y in (1.85, 1.95) for z in (-0.3, 0.0, 0.3)]) - (0, 1.0, 0)
     assert sight.blocked(np.array([0.0, 1.0, 0.0]), over).all()
+
+
+def test_no_slit_is_left_where_pictures_end() -> None:
+    """They end within cells of the walls above them: all that no picture shows of a wall is closed."""
+    soup, cameras = room(1.8), looking_down(0.8)
+    planes, pictures = planes_of(soup, CELL, 0.1), Pictures.of(cameras, Sight(soup.mesh()))
+    found = ceiling_of(soup, planes, pictures, CELL)
+    assert found is not None
+    above = found.soup(planes, *found.box(*box_of(soup, pictures.eyes)), CELL, pictures)
+    at = np.random.default_rng(3).uniform((HALF, 0.5, -1.9), (HALF, 1.75, 1.9), (4000, 3))
+    _, shown = pictures.states(at.astype(np.float32), 0.0)
+    assert 0.1 < shown.mean() < 0.9
+    sight, out = Sight(above.mesh()), np.array([[1.0, 0, 0]])
+    assert all(sight.blocked(point - (0.05, 0, 0), out).all() for point in at[~shown][:500])
 
 
 def test_nothing_was_seen_through_a_gap_where_splats_show_something() -> None:

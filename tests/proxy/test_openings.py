@@ -127,12 +127,23 @@ def test_a_sill_that_shines_is_no_pane() -> None:
 def test_what_is_seen_through_a_window_is_far_away_and_the_wall_stays() -> None:
     before = view((0.5, 0.6, 2.5))
     windows = windows_of(views(), [wall()], SPACING)
-    after = opened(before, windows, SPACING, 50.0)
+    after = opened(before, before, windows, SPACING, 50.0)
     _, ways = rays(before.camera)
     there = (np.abs(plane(-DEEP, ways, before.camera.position)) < HALF - SPACING).all(axis=-1)
     assert (after.depth[there] == 50).all()
     apart = (np.abs(plane(0.0, ways, before.camera.position)) > HALF + SPACING).any(axis=-1)
     np.testing.assert_array_equal(after.depth[apart], before.depth[apart])
+
+
+def test_what_windows_were_only_looked_for_in_moves_nothing() -> None:
+    """What is white about a guessed room's walls is put behind them to look for windows: a patch of sun comes back."""
+    before, windows = view((0.5, 0.6, 2.5)), windows_of(views(), [wall()], SPACING)
+    _, ways = rays(before.camera)
+    apart = (np.abs(plane(0.0, ways, before.camera.position)) > HALF + SPACING).any(axis=-1)
+    looked = replace(before, depth=np.where(apart, 1.05 * before.depth, before.depth))
+    after = opened(before, looked, windows, SPACING, 50.0)
+    np.testing.assert_array_equal(after.depth[apart], before.depth[apart])
+    assert (after.depth[~apart] == 50).any()
 
 
 def test_the_sun_makes_no_patch_on_a_ceiling() -> None:

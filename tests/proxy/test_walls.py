@@ -188,3 +188,15 @@ def test_what_shines_in_a_wall_is_put_behind_it() -> None:
     shone = room.shone(white)
     assert (shone.depth[wall] > depth[wall]).all()
     np.testing.assert_array_equal(shone.depth[~wall], white.depth[~wall])
+
+
+def test_a_patch_of_sun_that_hangs_before_a_wall_is_on_it_and_what_is_sure_stays() -> None:
+    room, views = found_in(by_place)
+    assert room is not None
+    depth, _, wall = room.left(views[0])
+    sure = wall & (np.arange(wall.shape[1]) < 40)
+    near = replace(views[0], depth=(0.9 * depth).astype(np.float32), trust=np.where(sure, 1, 0.005).astype(np.float32))
+    white = replace(near, color=np.where(wall[..., None], 1, near.color).astype(np.float32))
+    lit = room.sunlit(white)
+    np.testing.assert_allclose(lit.depth[wall & ~sure], depth[wall & ~sure], rtol=1e-6)
+    np.testing.assert_array_equal(lit.depth[sure | ~wall], white.depth[sure | ~wall])

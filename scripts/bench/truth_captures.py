@@ -100,7 +100,7 @@ class _Plan:
 _LONGER = Shooting(sky=True, iterations=1600, most=60_000)  # of what has much in it
 OTHER_TRAINERS: tuple[tuple[str, training.Trainer], ...] = (("moved splats", "moved"), ("flat splats", "flat"))
 
-PLANS = (
+_KIND = (
     _Plan("courtyard", "courtyard", "courtyard, soft sun", "day", ("evening", "night", "hard sun"), whole=True),
     _Plan("courtyard", "courtyard_walk", "courtyard, walked round", "hard sun", ("evening", "night", "day")),
     _Plan("courtyard", "courtyard_walk", "courtyard, walked round, soft sun", "day", ("evening", "night", "hard sun")),
@@ -131,14 +131,6 @@ PLANS = (
         "sunny, longer exposed",
         ("overcast", "lamps", "low sun"),
         shooting=Shooting(sky=True),
-    ),
-    _Plan(
-        "interior",
-        "interior_walk",
-        "interior, from texture",
-        "sunny, longer exposed",
-        ("overcast", "lamps", "low sun"),
-        shooting=Shooting(sky=True, textured=True),
     ),
     _Plan(
         "mirrored",
@@ -216,20 +208,23 @@ PLANS = (
         ("overcast", "lamps", "low sun"),
         shooting=replace(_LONGER, spp=32),
     ),
-    _Plan(
-        "hall",
-        "hall",
-        "hall, from texture",
-        "sunny",
-        ("overcast", "lamps", "low sun"),
-        shooting=replace(_LONGER, spp=32, textured=True),
-    ),
     _Plan("bust", "bust", "bust, trained", "soft boxes", ("low sun", "clouds", "lamp"), shooting=Shooting()),
     _Plan("street", "street", "street, trained", "clouds", ("clear day", "low sun", "lanterns"), shooting=_LONGER),
     _Plan(
         "flat", "flat", "flat, trained", "sunny", ("overcast", "lamps", "low sun"), shooting=replace(_LONGER, spp=32)
     ),
 )
+_PLAIN = ("courtyard", "interior", "mirrored room", "kitchen", "hall")  # they have plain walls
+
+
+def _from_texture(plan: _Plan) -> _Plan:
+    """The same, trained from points where pictures have texture alone, as structure from motion finds them."""
+    assert plan.shooting is not None
+    name = plan.name.replace("trained", "from texture")
+    return replace(plan, name=name, shooting=replace(plan.shooting, textured=True))
+
+
+PLANS = (*_KIND, *(_from_texture(plan) for plan in _KIND if plan.name in {f"{name}, trained" for name in _PLAIN}))
 NAMES = tuple(plan.name for plan in PLANS)
 WHOLE = tuple(plan.name for plan in PLANS if plan.whole)
 QUICK = ("courtyard, soft sun", "stage, soft boxes")  # their splats are shipped

@@ -34,6 +34,7 @@ from mirelight.proxy.mirrors import mirroring, mirrors_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.openings import opened, windows_of
+from mirelight.proxy.plain import plain_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.stereo import agreed
 from mirelight.proxy.sweep import Sweep
@@ -229,6 +230,8 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     sweep = Sweep.of([] if guessed else views, flats, capture.spacing)
     views, flats = each(sweep.moved, views), sweep.flats
     sky = Sky(0.0 if room else fog_of(views, flats), up)
+    if not (room or sky.fog or guessed):
+        flats = [*flats, *plain_of(views, flats, capture.spacing, capture.radius)]
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)

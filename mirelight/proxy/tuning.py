@@ -73,6 +73,20 @@ class Tuning:
     plane_square_held: float = 0.5  # of a plane, that must lie on it when it is turned: else it does lean
     plane_cell: float = 2.0  # side of the cells that tell where a plane is
 
+    # plain walls of what is no room (`plain`)
+    plain_thick: float = 4.0  # spacings: splats of stucco lie off it by 3, in the median
+    plain_beside: float = 1.5  # such planes that lie so many of that beside a finer one are the same surface
+    plain_trust: float = 0.05  # of a pixel, at least: where all hangs all counts
+    plain_window: int = 7  # px, in which a pixel has one colour around if that varies by less than
+    plain_even: float = 0.06  # display values, a standard deviation over all channels
+    plain_places: int = 4  # of a cell, along each side, that are asked for
+    plain_views: int = 3  # that show a place, to tell
+    plain_aslant: float = 0.2  # cosine to the view, below which it does not
+    plain_share: float = 0.65  # of what is shown on a wall has one colour around: 0.72 to 0.9, hedges 0.06 to 0.59
+    # of its places differ by less between pictures than the next (display values): 0.02 to 0.034, hedges 0.05 to 0.16
+    plain_most: float = 0.8
+    plain_apart: float = 0.04
+
     # windows (`openings`)
     clipped: float = 0.9  # display value of the least channel: of a room's windows 97 % lie above, of all else 3 %
     # behind the wall, mean of what is white: a room's windows lie 0.5 to 2.3 behind, a patch of sun on it -0.2

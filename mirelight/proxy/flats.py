@@ -234,21 +234,27 @@ def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64,
     at = flat.middles
     on, through, seen = np.zeros(len(at)), np.zeros(len(at)), np.zeros(len(at))
     for view in views:
-        own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
-        pixel = pixels_of(view.camera, own.astype(np.float32))
-        rows = np.flatnonzero((pixel >= 0) & (view.depth.ravel()[np.maximum(pixel, 0)] > 0))
-        pixel = pixel[rows]
-        _, directions = rays(view.camera)
-        ray = directions.reshape(-1, 3)[pixel]
-        aslant = np.abs(dot(ray, flat.normal)) / length(ray)
+        rows, pixel, off, aslant = behind(view, flat, at)
         trust = view.trust.ravel()[pixel]
-        off = (view.depth.ravel()[pixel] + own[rows, 2]) * aslant
         near = tolerance + 0.5 * view.spread.ravel()[pixel] * aslant
         on[rows] += trust * (np.abs(off) < near)
         through[rows] += trust * (off > 2.5 * near)
         seen[rows] += 1
     shape = flat.there.shape
     return on.reshape(shape), through.reshape(shape), seen.reshape(shape)
+
+
+def behind(view: DepthMap, flat: Flat, at: F64) -> tuple[Int, Int, F64, F64]:
+    """Rows (M,) of points (N, 3) of a plane in whose pixels (M,) a view has a surface, how far that is behind the plane
+    (M,), and the cosine (M,) between the plane's normal and the ray."""
+    own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
+    pixel = pixels_of(view.camera, own.astype(np.float32))
+    rows = np.flatnonzero((pixel >= 0) & (view.depth.ravel()[np.maximum(pixel, 0)] > 0))
+    pixel = pixel[rows]
+    _, directions = rays(view.camera)
+    ray = directions.reshape(-1, 3)[pixel]
+    aslant = np.abs(dot(ray, flat.normal)) / length(ray)
+    return rows, pixel, (view.depth.ravel()[pixel] + own[rows, 2]) * aslant, aslant
 
 
 def seen_through(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Bool:

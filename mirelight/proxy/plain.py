@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from mirelight.base.together import each
 from mirelight.model import F64
-from mirelight.proxy.depth import DepthMap, pixels_of
-from mirelight.proxy.flats import Flat, flats_of
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.flats import Flat, behind, flats_of
 from mirelight.proxy.labels import labelled
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
-from mirelight.proxy.views import dot, length, rays, turned
 
 Bool = NDArray[np.bool_]
 
@@ -92,12 +91,6 @@ def _is_plain(flat: Flat, views: Sequence[DepthMap], rest: Sequence[DepthMap], t
 def _on(flat: Flat, at: F64, view: DepthMap, thick: float) -> tuple[Int, Int]:
     """Rows (M,) of points (N, 3) of a plane on which a view's surface may lie, for all that it knows, and their
     pixels."""
-    own = turned(at - view.camera.position, view.camera.camera_from_world[:3, :3])
-    pixel = pixels_of(view.camera, own.astype(np.float32))
-    rows = np.flatnonzero((pixel >= 0) & (view.depth.ravel()[np.maximum(pixel, 0)] > 0))
-    pixel = pixel[rows]
-    ray = rays(view.camera)[1].reshape(-1, 3)[pixel]
-    aslant = np.abs(dot(ray, flat.normal)) / length(ray)
-    off = np.abs(view.depth.ravel()[pixel] + own[rows, 2]) * aslant
-    near = (aslant > TUNING.plain_aslant) & (off < thick + view.spread.ravel()[pixel] * aslant)
+    rows, pixel, off, aslant = behind(view, flat, at)
+    near = (aslant > TUNING.plain_aslant) & (np.abs(off) < thick + view.spread.ravel()[pixel] * aslant)
     return rows[near], pixel[near]

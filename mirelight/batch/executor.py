@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Protocol
 
-import numpy as np
-
 from mirelight.base.errors import BackendError, InputError, ManyInputsError, MirelightError, OutputError
 from mirelight.base.progress import CountProgress
 from mirelight.model import Frame, ProxyMesh, SplatLayer, camera_checks, shown
-from mirelight.model.unit_lights import terms
+from mirelight.model.unit_lights import may_be_dark
 from mirelight.pipeline import frame_diagnostics, frames, stages
 from mirelight.pipeline.artefact_cache import WAIT
 from mirelight.pipeline.plan import FrameTask, Group, Plan, lightings_of
@@ -197,7 +195,7 @@ class FindingReporter:
 
     def report(self, scene: Scene, task: FrameTask, frame: Frame) -> None:
         """Tell what is wrong with a frame."""
-        off = [x.layer for x in terms(task.lighting) if not np.any(x.weight)] if task.lighting else []
+        off = may_be_dark(task.lighting) if task.lighting else []
         own = scene.job.made_proxy is not None
         for finding in frame_diagnostics.of_frame(frame, scene.job.display, off=off, own=own):
             self._counts[finding.kind] += 1

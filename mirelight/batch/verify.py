@@ -22,7 +22,7 @@ from mirelight.io import image
 from mirelight.io.exr import read_exr
 from mirelight.io.safety import open_file
 from mirelight.model import DisplaySettings, Frame, Job, Lighting, LightingBuffer
-from mirelight.model.unit_lights import terms
+from mirelight.model.unit_lights import may_be_dark, terms
 from mirelight.pipeline import mix
 from mirelight.pipeline.codecs import light_of
 from mirelight.pipeline.keys import Keys
@@ -243,7 +243,7 @@ class _Look:
         if png is not None and _png_size(png) != (shown.camera.width, shown.camera.height):
             text = f"it is not the camera's {shown.camera.width} x {shown.camera.height} pixels"
             self._bad(png.name, text, png, kind="values")
-        off = [x.layer for x in terms(lighting) if not x.weight.any()] if lighting is not None else []
+        off = may_be_dark(lighting) if lighting is not None else []
         display = self._job.display if self._job is not None else DisplaySettings()
         for found in checks.picture(shown, display, off):
             self._tell("picture", frame.name, found.text, found.remedy)

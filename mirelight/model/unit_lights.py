@@ -228,6 +228,13 @@ def terms(lighting: Lighting) -> Iterator[Term]:
         yield replace(term, weight=term.weight * factors[term.layer]) if term.layer in factors else term
 
 
+def may_be_dark(lighting: Lighting) -> list[str]:
+    """Names of the layers that need not add anything: those of weight 0, and the sun of an estimate, which may have
+    found none."""
+    own = {SUN} if isinstance(lighting.sky, EstimatedSky) else set()
+    return [x.layer for x in terms(lighting) if x.layer in own or not np.any(x.weight)]
+
+
 def _unmixed(lighting: Lighting) -> Iterator[Term]:
     for name, lights in _by_layer(lighting.lights).items():
         if len(lights) == 1 and lights[0].group is None:

@@ -43,6 +43,14 @@ class _Across:
         half = 0.501 * flat.cell * float(np.abs(flat.axes @ plane.normal).sum())  # of a cell, and its rim
         return _Across(plane, off, flat.there & (np.abs(off) < half))
 
+    def longest(self, cell: float) -> float:
+        """How far what sticks out past it may reach, of a plane in cells of that side.
+
+        A plane in larger ones ends at one of a closer look within a cell: it was not led on to it. What is longer is
+        the rest of a table, before what stands on it.
+        """
+        return TUNING.flat_longest * min(cell, self.plane.cell) + max(cell - self.plane.cell, 0)
+
     def halves(self, whole: Bool, past: Bool, cell: float) -> F64:
         """(I, J, 4) the side of it that cells are bounded to: those of its line to where the rest is whole, if that is
         on one side alone, and those past it to the other side; zeros and one: to none."""
@@ -68,7 +76,7 @@ def _ended(flat: Flat, flats: Sequence[Flat]) -> Flat:
     for x in across:
         farthest = np.zeros(count + 1)
         np.maximum.at(farthest, part.ravel(), np.abs(x.off).ravel())
-        own = (farthest < TUNING.flat_longest * flat.cell)[part] & (part > 0)
+        own = (farthest < x.longest(flat.cell))[part] & (part > 0)
         short, away = short | own, np.where(own, np.minimum(away, np.abs(x.off)), away)
     whole = (part > 0) & ~short
     # what is short on both sides of a line, as a shelf at a wall, is all that there is of it

@@ -90,6 +90,8 @@ class GuessTuning:
     upright_beside: float = 0.15  # of a room's height: what is closer to its floor or ceiling may be part of it
     upright_things: float = 0.01  # of the surface: things by which floor and ceiling are told apart
     upright_rounds: int = 8  # times that it is levelled
+    upright_told: float = 0.2  # of the surface, that lies level or stands upright where it tells better than cameras
+    upright_leaning: float = 20.0  # degrees: surface and cameras that tell ways farther apart do not agree
 
     # whether splats were made of one picture (`one_picture`)
     taker_fewest: int = 20_000  # fewer are no pixels

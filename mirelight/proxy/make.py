@@ -42,7 +42,7 @@ from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
 from mirelight.proxy.unseen import closing
-from mirelight.proxy.upright import Seen, upright
+from mirelight.proxy.upright import Seen, levelled, upright
 from mirelight.proxy.views import around, fewer, from_points, held_up, moved
 from mirelight.proxy.walls import hung, room_of
 
@@ -112,7 +112,7 @@ def make(
         views = each(smooth, views, part(report, 0.4, 0.43), "smoothing depth maps")
         if there:
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
-        up = held_up(cameras) if cameras else _stands(views, around=not there)
+        up = _stands(views, cameras, around=not there)
         found = _fused(capture, views, up, part(report, 0.55, 0.75), guessed=not cameras)
         soup, shown, mirrors, level = found.soup, found.shown, found.mirrors, found.level
         if there and (core := core_of(capture, there, found.cell / TUNING.cell)):
@@ -200,9 +200,13 @@ def _of_one_picture(splats: SplatCloud, camera: Camera, source: str | Path) -> t
     return capture, [moved(camera, -capture.middle)]
 
 
-def _stands(views: Sequence[DepthMap], *, around: bool) -> F64 | None:
-    """(3,) unit: which way is up in what guessed views, or views from around show; None where it is not sure."""
-    found = upright(Seen.of(views, around=around), _UPRIGHT if around else None)
+def _stands(views: Sequence[DepthMap], cameras: Sequence[Camera], *, around: bool) -> F64 | None:
+    """(3,) unit: which way is up for cameras and what views show, be they theirs, guessed or from around; None where it
+    is not sure."""
+    seen, held = Seen.of(views, around=around), held_up(cameras)
+    if held is not None:
+        return levelled(seen, held)
+    found = upright(seen, _UPRIGHT if around else None)
     return found.way if found and not found.doubt else None
 
 

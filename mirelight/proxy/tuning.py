@@ -241,6 +241,7 @@ class Tuning:
     view_least_pixels: int = 160  # along the longer side of one
     view_all_pixels: int = 5_000_000  # of their pictures: what a minute and a half goes over on two cores
     view_upright: float = 0.5  # length of the mean of cameras' ups, below which they are held in all ways
+    view_rolled: float = 0.05  # mean square of their rights' cosine with up, above which they are rolled about
     view_border: float = 0.02  # of the longer side, kept free around the splats' centres
 
     # places inside (`inside`)

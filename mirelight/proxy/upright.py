@@ -24,6 +24,7 @@ from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import around, evenly, lattice
 
 _FLAT, _STEEP = np.cos(np.radians(GUESS.upright_cone)), np.sin(np.radians(GUESS.upright_cone))
+_LEANING = np.cos(np.radians(GUESS.upright_leaning))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +104,18 @@ def upright(seen: Seen, usual: F64 | None = None) -> Upright | None:
     if side == 0:
         side = 1 if usual is None or way @ usual >= 0 else -1
     return Upright(side * way, seen.share(up | down | steep), doubt)
+
+
+def levelled(seen: Seen, way: F64) -> F64:
+    """The direction (3,) unit near one (3,) unit that floors face and walls stand along; that one where little of the
+    surface does either, or another is far off.
+
+    People roll their cameras by some degrees, and those that look down from one side lean all one way.
+    """
+    found = _levelled(seen, way)
+    up, down, steep = seen.facing(found)
+    sure = seen.share(up | down | steep) >= GUESS.upright_told and found @ way >= _LEANING
+    return found if sure else way
 
 
 def _worth(seen: Seen, way: F64) -> float:

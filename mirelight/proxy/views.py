@@ -63,12 +63,23 @@ def mean_up(cameras: Sequence[Camera]) -> F64:
 
 
 def held_up(cameras: Sequence[Camera]) -> F64 | None:
-    """(3,) unit: which way is up for most cameras; None where they are held in all ways, or there are none."""
+    """(3,) unit: which way is up for most cameras, across the right of all; None where they are held in all ways, or
+    there are none.
+
+    Those that look down lean forward, and their mean to where most of them look; all from one side have but the mean.
+    """
     if not cameras:
         return None
     mean = mean_up(cameras)
     long = float(np.linalg.norm(mean))
-    return mean / long if long > TUNING.view_upright else None
+    rights = np.stack([camera.world_from_camera[:3, 0] for camera in cameras])
+    values, vectors = np.linalg.eigh(np.einsum("ci,cj->ij", rights, rights) / len(rights))
+    if long <= TUNING.view_upright or values[0] > TUNING.view_rolled:
+        return None
+    if values[1] < TUNING.view_rolled:
+        return mean / long
+    way = vectors[:, 0]
+    return np.asarray(way * np.sign(dot(way, mean)))
 
 
 def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:

@@ -47,3 +47,20 @@ def test_a_shelf_at_a_wall_stays() -> None:
     """All of it is as short as what sticks out past a corner."""
     shelf, _ = ended([top(0, 4), side(-30, 30)])
     assert within(shelf, (0.06, 0), (0.15, 0), (0.35, 0)) == [True] * 3
+
+
+def test_a_table_before_what_stands_on_it_stays() -> None:
+    """It is as short there as what sticks out past a corner, in its own cells; what stands on it was looked at closer,
+    in cells a fifth as large."""
+    close = Flat(
+        np.array([1.0, 0, 0]),
+        0.03,
+        np.array([[0.0, 1, 0], [0, 0, 1]]),
+        CELL / 5,
+        np.array([0, -100]),
+        np.ones((30, 200), bool),
+    )
+    table, _ = ended([top(-30, 5), close])
+    assert within(table, (-1, 0), (0.06, 0), (0.45, 0)) == [True] * 3
+    lip, _ = ended([top(-30, 2), close])
+    assert within(lip, (-1, 0), (0.06, 0), (0.15, 0)) == [True, False, False]

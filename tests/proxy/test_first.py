@@ -161,6 +161,14 @@ def test_a_hall_is_a_room_though_a_thing_fills_its_middle() -> None:
     assert np.abs(first.target).max() > 0.4 and np.linalg.norm(first.target) < 1
 
 
+def test_what_a_camera_shows_is_ahead_of_it_though_the_most_lies_behind() -> None:
+    thing, rest = ball(600), ball(2400)
+    cloud = joined(thing, replace(rest, means=rest.means + np.array([0, 0, 14], np.float32)))
+    shown = [Camera.look_at((x, 0.5, 3), (0, 0, 0), 64, 36, yfov=50) for x in (-1.0, 0.0, 1.0)]
+    found = view.best(cloud, "a.ply", shown)
+    assert not found.room and np.linalg.norm(found.target) < 1.2
+
+
 @pytest.mark.parametrize("cut_out", [True, False])
 def test_what_is_cut_out_of_its_place_is_shown_whole(cut_out: bool) -> None:
     """From a side that it was seen from; with the place round it, cameras stand where they did."""

@@ -16,7 +16,8 @@ from mirelight.io import splats
 from mirelight.model import F64, Camera, SplatCloud
 from mirelight.proxy import ProxySettings
 from mirelight.proxy.capture import look_at_capture
-from mirelight.proxy.upright import Seen, Upright, seen_surface, upright
+from mirelight.proxy.upright import Seen, Upright, levelled, seen_surface, upright
+from mirelight.proxy.views import held_up
 
 from .clouds import ball, joined, on_surface, sphere_points, square
 
@@ -170,3 +171,23 @@ def test_splats_of_one_picture_are_not_rolled() -> None:
 def test_a_ball_of_splats_tells_nothing() -> None:
     capture = look_at_capture(ball(), "ball")
     assert upright(seen_surface(capture, (), ProxySettings())) is None
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_cameras_that_lean_are_put_right_by_floors_and_walls(turn: F64) -> None:
+    shown, up_there = seen(*WALLS, FLOOR, turn=turn), turn[:, 1]
+    leaning = conventions.unit(up_there + 0.12 * turn[:, 0])
+    assert np.degrees(np.arccos(np.clip(levelled(shown, leaning) @ up_there, -1, 1))) < 0.7
+    little = seen(plane((1, 1, 0), (0, 0, 0), 2, 4000), TABLE, turn=turn)  # a slope, and hardly anything level
+    assert np.array_equal(levelled(little, leaning), leaning)
+    off_by_30 = conventions.unit(up_there + np.tan(np.radians(30)) * turn[:, 0])
+    slanted = seen(plane((1, 1, 0), (0, 0, 0), 2, 4000), turn=turn)
+    assert np.array_equal(levelled(slanted, off_by_30), off_by_30)
+
+
+def test_cameras_that_look_down_from_one_side_are_held_level() -> None:
+    """Their mean leans to where they look; across the right of all is up."""
+    looks = [Camera.look_at(np.array([x, 2.0, 3.0]), np.array([0.3 * x, 0, 0]), 8, 8, yfov=40) for x in (-2, -1, 1, 2)]
+    assert np.allclose(held_up(looks), [0, 1, 0], atol=1e-6)
+    about = [replace(looks[0], world_from_camera=conventions.compose(rotation=turn)) for turn in TURNS]
+    assert held_up(about) is None and held_up([]) is None

@@ -225,18 +225,14 @@ def _made(
     if misfit is not None:
         yield f"# {misfit}"
     yield "# The mesh that light falls on, made from the splats once; or name a mesh file."
-    if cameras is None:
-        yield 'proxy = "splats"'
-        return
     colours = ', albedo = "splats"' if colored else ""
-    with_them = f'proxy = {{ path = "splats", cameras = {named(cameras.path)}{colours} }}'
-    if looking is None:
-        name = printable(cameras.path.name)
-        yield f"# {name} is left out: few of its cameras see splats."
-        yield 'proxy = "splats"'
-    else:
+    if looking is not None:
         yield "# The pictures' cameras tell where surfaces lie; walls that none shows are closed against light."
-        yield with_them
+        yield f'proxy = {{ path = "splats", cameras = {named(looking.path)}{colours} }}'
+        return
+    if cameras is not None:
+        yield f"# {printable(cameras.path.name)} is left out: few of its cameras see splats."
+    yield f'proxy = {{ path = "splats"{colours} }}' if colored else 'proxy = "splats"'
 
 
 def _cameras(found: beside.Cameras | None, unread: beside.Misfit | None, wish: Wish, named: Names) -> Iterator[str]:

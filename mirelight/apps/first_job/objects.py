@@ -20,8 +20,10 @@ from mirelight.io.gltf.scene import name_groups
 from mirelight.io.suffixes import GLTF
 from mirelight.model import F64, I32, ProxyMesh, shown
 
-_SHOWS = (0.02, 0.5)  # of how far away it is: the size of an object that is kept as its file has it
-_SIZE = 0.15  # of any other
+_LEAST = 0.02  # of how far away it is: the size of an object that is kept as its file has it
+_MOST = 0.25  # and at most so much, as few captures are in metres
+_MOST_IN_ROOM = 0.5  # where what is looked at is nearer
+_SIZES = (0.15, 0.1, 0.07)  # of any other: the first that finds free ground
 _WIDEST = 1.0  # and at most so much for a file of several things
 _NEARER = 0.25  # of the way from what the picture looks at to the camera
 _APART = 0.25  # of that way, from one to the next
@@ -110,16 +112,12 @@ def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> It
     away = float(np.linalg.norm(way))
     ground = FreeGround(seen.picture)
     for i, file in enumerate(files):
-        whole, size, scale = file.whole, file.things[0].size, 1.0
-        if size > 0 and not (_SHOWS[0] * away <= size <= _SHOWS[1] * away and whole.size <= _WIDEST * away):
-            scale = float(f"{min(_SIZE * away / size, _WIDEST * away / whole.size):.2g}")
         beside = (i - (len(files) - 1) / 2) * _APART * away * seen.camera.world_from_camera[:3, 0]
-        place = target + _NEARER * way + beside
-        wide, height = scale * (whole.high - whole.low)[[0, 2]], scale * float((whole.high - whole.low)[1])
-        free = ground.take(place, float(wide.max()) / 2, height)
-        place = place if free is None else free
-        place[1] = max(float(eye[1]), float(target[1])) - scale * float(whole.high[1])  # its top as high as the eye
-        place -= scale * (whole.low + whole.high) / 2 * (1, 0, 1)
+        place, scale = _stood(file.whole, _scales(file, away, seen.room), target + _NEARER * way + beside, ground)
+        place[1] = max(float(eye[1]), float(target[1])) - scale * float(
+            file.whole.high[1]
+        )  # its top as high as the eye
+        place -= scale * (file.whole.low + file.whole.high) / 2 * (1, 0, 1)
         yield ""
         if i == 0:
             yield "# They stand on whatever of the proxy lies under them; move them by x and z."
@@ -132,3 +130,22 @@ def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> It
         yield "drop = true"
         scaled = "" if scale == 1 else f", scale = {scale:g}"
         yield f"transform = {{ translation = {position(place, seen)}, rotation_euler = [0, 0, 0]{scaled} }}"
+
+
+def _scales(file: MeshFile, away: float, room: bool) -> list[float]:
+    """What it may be scaled by, the best first: 1 where it has a size that shows."""
+    whole, size = file.whole.size, file.things[0].size
+    most = _MOST_IN_ROOM if room else _MOST
+    if not size > 0 or (_LEAST * away <= size <= most * away and whole <= _WIDEST * away):
+        return [1.0]
+    return [float(f"{min(x * away / size, _WIDEST * away / whole):.2g}") for x in _SIZES]
+
+
+def _stood(whole: _Thing, scales: Sequence[float], near: F64, ground: FreeGround) -> tuple[F64, float]:
+    """Where it stands (3,), and its scale: on free ground with the first that finds some, else near a place (3,)."""
+    for scale in scales:
+        wide, height = scale * (whole.high - whole.low)[[0, 2]], scale * float((whole.high - whole.low)[1])
+        free = ground.take(near, float(wide.max()) / 2, height)
+        if free is not None:
+            return free, scale
+    return near, scales[0]

@@ -22,7 +22,7 @@ from mirelight.proxy.capture import are_discs, look_at_capture
 from mirelight.proxy.guessed import Guess
 from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.upright import seen_surface, upright
-from mirelight.proxy.views import moved
+from mirelight.proxy.views import held_up, moved
 
 LEAST_FLOOR = (
     0.06  # share of the splats' area that a floor has (shipped scenes 0.19 and 0.20, a thing without one 0.03)
@@ -78,7 +78,7 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: G
     """
     stage = path.suffix.lower() in SCENES
     habit = np.array([0.0, 1.0 if stage else -1.0, 0.0])
-    taken = _of_cameras([x.world_from_camera for x in cameras])
+    taken = _of_cameras(cameras)
     shown = (
         _of_floor(cloud, habit, stage)
         if are_discs(cloud)
@@ -86,9 +86,11 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: G
     )
     if taken is not None:
         why = f"from {len(cameras)} cameras of the capture"
-        if shown is not None and not shown.guessed and float(shown.way @ taken) < _AGREE:
+        if shown is None or shown.guessed:
+            return Up(_neat(taken), why, False)
+        if float(shown.way @ taken) < _AGREE:
             return Up(_neat(taken), f"a guess {why}: the floor tells another", True)
-        return Up(_neat(taken), why, False)
+        return Up(shown.way, f"{why}, and what lies level in it", False)  # people roll their cameras by some degrees
     if len(cameras) == 1:
         return _of_picture(shown, cameras[0])
     if shown is not None:
@@ -158,19 +160,11 @@ def some_discs(cloud: SplatCloud, wanted: NDArray[np.bool_]) -> tuple[NDArray[np
     return rows, scales[:, 1] * scales[:, 2] * cloud.opacities[rows], normals
 
 
-def _of_cameras(poses: Sequence[F64]) -> F64 | None:
-    """The direction that is across all cameras' right; None where cameras do not agree, as of a phone rolled about."""
-    if len(poses) < 3 or not np.ptp([p[:3, 3] for p in poses], axis=0).any():  # the sides of a panorama were not held
+def _of_cameras(cameras: Sequence[Camera]) -> F64 | None:
+    """As cameras were held; None where they do not agree, as of a phone rolled about."""
+    if len(cameras) < 3 or not np.ptp([x.position for x in cameras], axis=0).any():  # a panorama's sides were not held
         return None
-    rights, ups = np.stack([p[:3, 0] for p in poses]), np.stack([p[:3, 1] for p in poses])
-    mean = ups.mean(axis=0)
-    if np.linalg.norm(mean) < 0.5:
-        return None
-    values, vectors = np.linalg.eigh(rights.T @ rights / len(poses))
-    if values[0] > 0.05 or values[1] < 0.05:  # rolled, or all from one side
-        return conventions.unit(mean) if values[0] <= 0.05 else None
-    way = vectors[:, 0]
-    return np.asarray(way * np.sign(way @ mean))
+    return held_up(cameras)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -57,7 +57,7 @@ class FirstView:
     """A chosen camera and what it shows."""
 
     camera: Camera
-    target: F64  # (3,) the middle of what it looks at; in a room that was stood in, in the air before that
+    target: F64  # (3,) the middle of what it shows; in a room that was stood in, in the air before that
     room: bool  # seen from inside
     luminance: float  # mean of the splats' pixels as captured, linear
     white: float  # share of them at the end of a channel
@@ -141,7 +141,7 @@ def best(
     own = _colors(layer)
     light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
-    target = _ahead(layer) if room and stood else middle
+    target = _ahead(layer, room) if stood else middle
     return FirstView(layer.camera, target, room, float(colour.luminance(light).mean()), white, deep, layer)
 
 
@@ -170,15 +170,16 @@ def _whole_from(points: F64, middle: F64, cameras: Sequence[Camera]) -> list[Cam
     return [_framed(points, middle, way) for way in [x for x in ways if x[1] < _HIGH] or ways]
 
 
-def _ahead(layer: SplatLayer) -> F64:
-    """(3,) in the air before most of what the middle of a picture shows.
+def _ahead(layer: SplatLayer, room: bool) -> F64:
+    """(3,) amid what the middle of a picture shows; in a room in the air before most of that.
 
-    The middle of a flat may lie in a wall, that of a hall in a statue.
+    The middle of all splats may lie in a wall, in a statue or behind a camera that somebody aimed.
     """
     h, w = layer.median_depth.shape
     shown = layer.median_depth[h // 4 : h - h // 4, w // 4 : w - w // 4]
-    depth = float(np.quantile(shown[shown > 0], 0.25)) if (shown > 0).any() else 0.0
-    return layer.camera.position - _IN_THE_AIR * depth * layer.camera.world_from_camera[:3, 2]
+    shown = shown[shown > 0] if (shown > 0).any() else layer.median_depth[layer.median_depth > 0]
+    away = _IN_THE_AIR * float(np.quantile(shown, 0.25)) if room else float(np.median(shown))
+    return layer.camera.position - away * layer.camera.world_from_camera[:3, 2]
 
 
 def _about(cameras: Sequence[Camera]) -> list[Camera]:

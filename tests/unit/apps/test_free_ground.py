@@ -53,6 +53,15 @@ def test_nothing_stands_on_the_edge_of_a_thing_or_in_it(top: float) -> None:
     assert np.linalg.norm(beside) > 0.25 and place[2] > -0.3  # nor behind it, where it would be hidden
 
 
+def test_what_hangs_over_it_is_not_in_its_way() -> None:
+    """A branch over a table, higher than the object's top."""
+    wish, branch = np.array([0.0, 0.0, 0.5]), ((-0.5, 0.8, 0.2), (0.5, 0.9, 0.8))
+    place = FreeGround(_picture(branch)).take(wish, 0.2, 0.4)
+    assert place is not None and np.linalg.norm(place - wish) < 0.1
+    taller = FreeGround(_picture(branch)).take(wish, 0.2, 0.75)
+    assert taller is not None and np.linalg.norm(taller - wish) > 0.2
+
+
 def test_one_stands_beside_the_other_in_the_picture() -> None:
     ground = FreeGround(_picture())
     places = [ground.take(np.array([0.0, 0.0, 1.0]), 0.3, 0.5) for _ in range(3)]

@@ -188,6 +188,7 @@ def test_cameras_that_lean_are_put_right_by_floors_and_walls(turn: F64) -> None:
 def test_cameras_that_look_down_from_one_side_are_held_level() -> None:
     """Their mean leans to where they look; across the right of all is up."""
     looks = [Camera.look_at(np.array([x, 2.0, 3.0]), np.array([0.3 * x, 0, 0]), 8, 8, yfov=40) for x in (-2, -1, 1, 2)]
-    assert np.allclose(held_up(looks), [0, 1, 0], atol=1e-6)
+    level = held_up(looks)
+    assert level is not None and np.allclose(level, [0, 1, 0], atol=1e-6)
     about = [replace(looks[0], world_from_camera=conventions.compose(rotation=turn)) for turn in TURNS]
     assert held_up(about) is None and held_up([]) is None

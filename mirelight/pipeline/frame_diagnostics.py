@@ -122,6 +122,8 @@ def _fit(frame: Frame, own: bool) -> list[Finding]:
     rows = np.arange(0, height, step) * splats.camera.height // height
     columns = np.arange(0, width, step) * splats.camera.width // width
     on: Mask = (1 - splats.transmittance)[np.ix_(rows, columns)] > OPAQUE
+    if lit.objects is not None:  # the proxy is not seen where they are before it
+        on &= ~(lit.objects.coverage[::step, ::step] > 0)
     covered: Mask = lit.coverage[::step, ::step] > OPAQUE
     depth, lit_depth = splats.median_depth[np.ix_(rows, columns)], lit.depth[::step, ::step]
     if covered.any():  # a sky of splats has no proxy

@@ -127,6 +127,24 @@ def test_an_object_around_the_camera_is_told(folder: Path) -> None:
     assert found.kind == "objects" and "hide 100% of the picture: the camera stands in one" in found.text
 
 
+def test_what_an_object_hides_of_the_proxy_is_no_hole_in_it(folder: Path) -> None:
+    cloud = splats.read(folder / "splats.ply")
+    floor = replace(cloud, **{x: getattr(cloud, x)[: 41 * 41] for x in ("means", "quats", "scales", "opacities", "sh")})
+    splats.write(floor, folder / "floor.ply")
+    corners = np.array([[-2, 0, 1], [2, 0, 1], [2, 1, 1], [-2, 1, 1]], np.float32)
+    write_glb(
+        folder / "board.glb", ProxyMesh(vertices=corners, faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32)), (), ()
+    )
+    large = JOB.replace("splats.ply", "floor.ply") + '[[objects]]\npath = "board.glb"\n'
+    (folder / "large.toml").write_text(large, encoding="utf-8")
+    job = mirelight.load(folder / "large.toml")
+    made = stages.frame(mirelight.prepare(job), job.cameras[0], job.lightings[0])
+    assert made.lighting is not None and made.lighting.objects is not None and made.splats is not None
+    hidden = (made.lighting.objects.coverage > 0.5) & (made.splats.transmittance < 0.5)
+    assert hidden.sum() > 0.2 * (made.splats.transmittance < 0.5).sum()
+    assert [x.kind for x in frame_diagnostics.of_frame(made, job.display) if x.kind == "uncovered"] == []
+
+
 def test_light_of_four_times_the_pixels_shows_the_same_objects(folder: Path) -> None:
     whole, fine = (frame(folder, f"{JOB}\n[relight]\ntexture_scale = {scale}\n{BALL}") for scale in (1, 2))
     assert fine.lighting is not None and fine.lighting.objects is not None

@@ -90,7 +90,13 @@ class FreeGround:
         if not level.any() or 1 - level.mean() > _STRAYS:
             return False
         gaps = np.linalg.norm(radius * _RIM[:, None] - beside[level][:, [0, 2]], axis=2).min(axis=1)
-        return bool((gaps < radius / 2).all())
+        return bool((gaps < max(radius / 2, self._grain(place))).all())
+
+    def _grain(self, place: F64) -> float:
+        """How far apart pixels are on level ground at a place (3,), world units."""
+        camera = self.picture.camera
+        away = float(np.linalg.norm(camera.position - place))
+        return away * away / camera.fy / float(camera.position[1] - place[1])
 
     def _in_view(self, place: F64, radius: float, height: float) -> tuple[float, float] | None:
         """Columns of the picture that an object there fills; None if it is cut off, or the capture hides part of it."""

@@ -133,12 +133,16 @@ def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> It
 
 
 def _scales(file: MeshFile, away: float, room: bool) -> list[float]:
-    """What it may be scaled by, the best first: 1 where it has a size that shows."""
+    """What it may be scaled by, the best first: 1 where it has a size that shows; in a room, where that may well be its
+    true one, no other."""
     whole, size = file.whole.size, file.things[0].size
-    most = _MOST_IN_ROOM if room else _MOST
-    if not size > 0 or (_LEAST * away <= size <= most * away and whole <= _WIDEST * away):
+    if not size > 0:
         return [1.0]
-    return [float(f"{min(x * away / size, _WIDEST * away / whole):.2g}") for x in _SIZES]
+    fitting = [float(f"{min(x * away / size, _WIDEST * away / whole):.2g}") for x in _SIZES]
+    most = _MOST_IN_ROOM if room else _MOST
+    if not (_LEAST * away <= size <= most * away and whole <= _WIDEST * away):
+        return fitting
+    return [1.0] if room else [1.0, *(x for x in fitting if x < 1)]
 
 
 def _stood(whole: _Thing, scales: Sequence[float], near: F64, ground: FreeGround) -> tuple[F64, float]:

@@ -27,6 +27,7 @@ _SIZES = (0.15, 0.1, 0.07)  # of any other: the first that finds free ground
 _WIDEST = 1.0  # and at most so much for a file of several things
 _NEARER = 0.25  # of the way from what the picture looks at to the camera
 _APART = 0.25  # of that way, from one to the next
+_OVER_GROUND = 0.1  # of its height: whence it drops, below all that hangs over that ground
 _JOINED = 0.01  # of a file's size: parts that are so near each other are one thing
 
 
@@ -113,11 +114,11 @@ def objects(files: Sequence[MeshFile], seen: view.FirstView, named: Names) -> It
     ground = FreeGround(seen.picture)
     for i, file in enumerate(files):
         beside = (i - (len(files) - 1) / 2) * _APART * away * seen.camera.world_from_camera[:3, 0]
-        place, scale = _stood(file.whole, _scales(file, away, seen.room), target + _NEARER * way + beside, ground)
-        place[1] = max(float(eye[1]), float(target[1])) - scale * float(
-            file.whole.high[1]
-        )  # its top as high as the eye
-        place -= scale * (file.whole.low + file.whole.high) / 2 * (1, 0, 1)
+        near = target + _NEARER * way + beside
+        near[1] = max(float(eye[1]), float(target[1]))
+        foot, scale = _stood(file.whole, _scales(file, away, seen.room), near, ground)
+        low, high = file.whole.low, file.whole.high
+        place = foot - scale * np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
         yield ""
         if i == 0:
             yield "# They stand on whatever of the proxy lies under them; move them by x and z."
@@ -146,10 +147,12 @@ def _scales(file: MeshFile, away: float, room: bool) -> list[float]:
 
 
 def _stood(whole: _Thing, scales: Sequence[float], near: F64, ground: FreeGround) -> tuple[F64, float]:
-    """Where it stands (3,), and its scale: on free ground with the first that finds some, else near a place (3,)."""
+    """Where the middle of its foot is (3,), and its scale: a little over free ground with the first that finds some;
+    else its top is near a place (3,)."""
     for scale in scales:
-        wide, height = scale * (whole.high - whole.low)[[0, 2]], scale * float((whole.high - whole.low)[1])
-        free = ground.take(near, float(wide.max()) / 2, height)
+        size = scale * (whole.high - whole.low)
+        free = ground.take(near, float(max(size[0], size[2])) / 2, float(size[1]))
         if free is not None:
+            free[1] += _OVER_GROUND * size[1]
             return free, scale
-    return near, scales[0]
+    return near - np.array([0, scales[0] * (whole.high - whole.low)[1], 0]), scales[0]

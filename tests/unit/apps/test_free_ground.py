@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mirelight.apps.first_job import objects
 from mirelight.apps.first_job.free_ground import FreeGround
 from mirelight.model import F64, Camera, SplatLayer
 
@@ -74,3 +75,13 @@ def test_what_is_too_large_for_the_ground_stands_nowhere() -> None:
     assert FreeGround(_picture()).take(np.zeros(3), 0.5, 30) is None  # its top would be cut off
     narrow = _picture(((-9, 0, -9), (-0.2, 3, 9)), ((0.2, 0, -9), (9, 3, 9)))
     assert FreeGround(narrow).take(np.zeros(3), 0.5, 0.5) is None
+
+
+def test_a_thing_takes_the_first_size_that_fits_a_little_over_its_ground() -> None:
+    box = objects._Thing("box", frozenset(["box"]), np.array([-1.0, 0, -1]), np.array([1.0, 2, 1]))
+    near = np.array([0.0, 1.6, 0.5])
+    shelf = _picture(((-9, 0, -9), (-0.3, 3, 9)), ((0.3, 0, -9), (9, 3, 9)))
+    foot, scale = objects._stood(box, [1.0, 0.5, 0.2], near, FreeGround(shelf))
+    assert scale == 0.2 and foot[1] == pytest.approx(0.04, abs=0.01) and abs(foot[0]) < 0.15
+    foot, scale = objects._stood(box, [1.0, 0.5], near, FreeGround(shelf))
+    assert scale == 1 and np.allclose(foot, [0, -0.4, 0.5])  # its top is as high as was asked

@@ -24,7 +24,7 @@ from mirelight.proxy.types import ProxySettings
 from mirelight.proxy.views import around, evenly, lattice
 
 _FLAT, _STEEP = np.cos(np.radians(GUESS.upright_cone)), np.sin(np.radians(GUESS.upright_cone))
-_LEANING = np.cos(np.radians(GUESS.upright_leaning))
+AGREE = np.cos(np.radians(GUESS.upright_leaning))  # cosine between ways up that agree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +114,7 @@ def levelled(seen: Seen, way: F64) -> F64:
     """
     found = _levelled(seen, way)
     up, down, steep = seen.facing(found)
-    sure = seen.share(up | down | steep) >= GUESS.upright_told and found @ way >= _LEANING
+    sure = seen.share(up | down | steep) >= GUESS.upright_told and found @ way >= AGREE
     return found if sure else way
 
 

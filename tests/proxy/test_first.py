@@ -167,6 +167,9 @@ def test_what_a_camera_shows_is_ahead_of_it_though_the_most_lies_behind() -> Non
     shown = [Camera.look_at((x, 0.5, 3), (0, 0, 0), 64, 36, yfov=50) for x in (-1.0, 0.0, 1.0)]
     found = view.best(cloud, "a.ply", shown)
     assert not found.room and np.linalg.norm(found.target) < 1.2
+    few = take(cloud, np.arange(0, len(cloud), 200))  # hardly anything is hidden by them
+    faint = replace(few, opacities=np.full(len(few), 0.11, np.float32))
+    assert np.isfinite(view.best(faint, "a.ply", shown).target).all()
 
 
 @pytest.mark.parametrize("cut_out", [True, False])

@@ -21,7 +21,7 @@ from mirelight.proxy import ProxySettings
 from mirelight.proxy.capture import are_discs, look_at_capture
 from mirelight.proxy.guessed import Guess
 from mirelight.proxy.one_picture import without_far
-from mirelight.proxy.upright import seen_surface, upright
+from mirelight.proxy.upright import AGREE, seen_surface, upright
 from mirelight.proxy.views import held_up, moved
 
 LEAST_FLOOR = (
@@ -32,7 +32,6 @@ _ALIKE = 0.5  # of the floor's share: what a ceiling has at the least
 _WALL = 0.2  # cosine between up and what is a wall at the most
 _LEAST_INSIDE = 0.01  # share of the area between floor and ceiling by which they are told apart
 _RIVAL = 0.7  # of the floor's share: a wall as large may be the floor (the courtyard's largest has 0.6)
-_AGREE = np.cos(np.radians(20.0))  # cameras and floor that tell ways farther apart do not agree
 _HELD = np.cos(np.radians(45.0))  # people hold a camera no steeper
 _BOTH_ALIKE = "floor and ceiling look alike"
 _LOOKS_DOWN = 0.1  # mean cosine between guessed views and an axis that tells which way is up along it
@@ -88,7 +87,7 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: G
         why = f"from {len(cameras)} cameras of the capture"
         if shown is None or shown.guessed:
             return Up(_neat(taken), why, False)
-        if float(shown.way @ taken) < _AGREE:
+        if float(shown.way @ taken) < AGREE:
             return Up(_neat(taken), f"a guess {why}: the floor tells another", True)
         return Up(shown.way, f"{why}, and what lies level in it", False)  # people roll their cameras by some degrees
     if len(cameras) == 1:

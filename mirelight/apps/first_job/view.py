@@ -141,7 +141,7 @@ def best(
     own = _colors(layer)
     light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
-    target = _ahead(layer, room) if stood else middle
+    target = _ahead(layer, room) if stood and (layer.median_depth > 0).any() else middle
     return FirstView(layer.camera, target, room, float(colour.luminance(light).mean()), white, deep, layer)
 
 

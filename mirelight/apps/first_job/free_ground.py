@@ -15,7 +15,7 @@ from mirelight.model import F64, SplatLayer
 
 _EVERY = 2  # pixels, of those that are tried
 _LEVEL = 0.1  # of an object's height: how uneven ground may be
-_OVER = 1.2  # of its height: what hangs higher is not in its way
+OVER = 1.2  # of its height: what hangs higher is not in its way
 _STRAYS = 0.02  # share of what is seen there that may be anything else
 _RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
 _LOWER = 2.0  # units of way that an object is moved for each unit that it stands lower
@@ -85,7 +85,7 @@ class FreeGround:
         if any(np.linalg.norm((place - other)[[0, 2]]) < radius + own for other, own in self._taken):
             return False
         beside = self._seen[self._tree.query_ball_point(place[[0, 2]], radius)] - place
-        beside = beside[beside[:, 1] < min(self.picture.camera.position[1] - place[1], _OVER * height)]
+        beside = beside[beside[:, 1] < min(self.picture.camera.position[1] - place[1], OVER * height)]
         level = np.abs(beside[:, 1]) < _LEVEL * height
         if not level.any() or 1 - level.mean() > _STRAYS:
             return False

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mirelight.apps.first_job import view
-from mirelight.apps.first_job.free_ground import FreeGround
+from mirelight.apps.first_job.free_ground import OVER, FreeGround
 from mirelight.apps.first_job.toml_text import Names, position
 from mirelight.base.errors import printable
 from mirelight.io import mesh
@@ -27,7 +27,6 @@ _SIZES = (0.15, 0.1, 0.07)  # of any other: the first that finds free ground
 _WIDEST = 1.0  # and at most so much for a file of several things
 _NEARER = 0.25  # of the way from what the picture looks at to the camera
 _APART = 0.25  # of that way, from one to the next
-_OVER_GROUND = 0.1  # of its height: whence it drops, below all that hangs over that ground
 _JOINED = 0.01  # of a file's size: parts that are so near each other are one thing
 
 
@@ -153,6 +152,6 @@ def _stood(whole: _Thing, scales: Sequence[float], near: F64, ground: FreeGround
         size = scale * (whole.high - whole.low)
         free = ground.take(near, float(max(size[0], size[2])) / 2, float(size[1]))
         if free is not None:
-            free[1] += _OVER_GROUND * size[1]
+            free[1] += (OVER - 1) / 2 * size[1]  # its top still below all that may hang over that ground
             return free, scale
     return near - np.array([0, scales[0] * (whole.high - whole.low)[1], 0]), scales[0]

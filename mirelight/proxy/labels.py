@@ -14,6 +14,7 @@ from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat
+from mirelight.proxy.looks import Look
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import dot, length, rays
@@ -61,10 +62,13 @@ class Labels:
     sure: F32  # (H, W) how sure that is, 0..1
 
 
-def labelled(view: DepthMap, flats: Sequence[Flat], tolerance: float) -> Labels:
-    """The planes that a view's pixels lie on, for all that it shows itself."""
-    _, directions = rays(view.camera)
-    return Labels(*_labels(view, flats, [depth_of(view, flat, directions) for flat in flats], tolerance))
+def labelled(view: DepthMap, flats: Sequence[Flat], tolerance: float, looks: Sequence[Look] = ()) -> Labels:
+    """The planes that a view's pixels lie on, for all that it shows itself; `looks`: of each plane, or none."""
+    origins, directions = rays(view.camera)
+    depths = [depth_of(view, flat, directions) for flat in flats]
+    met = zip(looks, depths[: len(looks)], strict=True)
+    unlike = [look.other(view.color, origins + directions * depth[..., None]) for look, depth in met]
+    return Labels(*_labels(view, flats, depths, tolerance, unlike))
 
 
 def flattened(
@@ -108,9 +112,11 @@ def depth_of(view: DepthMap, flat: Flat, directions: F64) -> F32:
     return np.where(there, depth, 0).astype(np.float32)
 
 
-def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float) -> tuple[Int, F32]:
+def _labels(
+    view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float, unlike: Sequence[F32]
+) -> tuple[Int, F32]:
     """(H, W) the plane that each pixel lies on, the number of planes: none, -1: on one, past its end, where nothing is.
-    And how sure that is, 0..1."""
+    And how sure that is, 0..1. `unlike`: (H, W) of each plane whether pixels look otherwise; none: that is not told."""
     origins, directions = rays(view.camera)
     there, trust = view.depth > 0, view.trust
     reach = np.float32(2 * tolerance) + view.spread
@@ -129,6 +135,8 @@ def _labels(view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolera
         # things do not blend with what lies behind them; of fog, nobody knows how far before a plane it hangs
         thing = np.minimum(trust / np.float32(TUNING.fog), 1)
         unsure += thing * np.clip(before - np.float32(TUNING.label_before), 0, 1)
+        if unlike:
+            unsure += np.float32(TUNING.label_out) * unlike[k]
         cost = np.where(there, trust * cost + (1 - trust) * unsure, np.float32(0.5))
         costs.append(np.where(depth > 0, cost, np.float32(TUNING.label_out)))
     free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)

@@ -30,6 +30,7 @@ from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
 from mirelight.proxy.labels import Sky, flattened, fog_of, labelled
 from mirelight.proxy.lids import closed_by, covered, lids_of
+from mirelight.proxy.looks import Look
 from mirelight.proxy.mirrors import mirroring, mirrors_of
 from mirelight.proxy.nets import surface_of
 from mirelight.proxy.one_picture import without_far
@@ -262,7 +263,8 @@ def _on_planes(
 ) -> list[DepthMap]:
     """The views with the pixels that lie on planes moved onto them; `walls`: those that are sides of a room."""
     tolerance = TUNING.plane_tolerance * spacing
-    labels = each(lambda view: labelled(view, flats, tolerance), views, report, "moving pixels onto planes")
+    looks = each(lambda flat: Look.of(flat, views, spacing), flats)
+    labels = each(lambda view: labelled(view, flats, tolerance, looks), views, report, "moving pixels onto planes")
     labels = filled(views, labels, flats, tolerance)
     if walls:
         labels = hung(views, labels, flats, walls)

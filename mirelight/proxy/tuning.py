@@ -349,6 +349,17 @@ class Tuning:
     label_rounds: int = 3  # of finding where a ray meets a ground that is not flat
     label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
 
+    # what planes look like (`looks`): what looks otherwise is not on them, if depth does not surely say so
+    look_places: int = 200_000  # of a plane, at most about so many
+    look_fine: int = 4  # along each side of a cell, at most
+    look_sure: float = 0.5  # trust of a pixel whose surface lies before a place, by
+    look_before: float = 2.5  # times what it may lie off the plane: it does not look at the place
+    look_aslant: float = 0.15  # cosine to the view, below which it does not, either
+    look_views: int = 4  # that look at a place, to tell
+    look_apart: float = 0.12  # display values, summed over channels: half of them differ by less from the median
+    # the same, of a pixel from the plane: on it up to here, not on it from twice that
+    look_other: float = 0.25
+
     # what cameras saw of a surface (`pictures`)
     seen_cameras: int = 96  # that are looked from; of more, evenly taken ones
     seen_pixels: int = 480  # along the longer side of their pictures

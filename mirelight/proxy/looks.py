@@ -1,0 +1,89 @@
+"""What planes look like to most pictures: what looks otherwise in one of them stands before the plane.
+
+Paint and smooth plastic tell an optimiser no place. Their splats are fog, and so are those of a wall without a pattern:
+by depth alone nobody knows whether fog is the plane's behind it. But a red car is not the grey road.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mirelight.model import F32, F64
+from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.flats import Flat, behind
+from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import Int
+
+_CHUNK = 1 << 15  # places at once
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A plane's colours."""
+
+    flat: Flat
+    fine: int  # places along each side of a cell
+    color: F32  # (I fine, J fine, 3) display values of places; NaN where pictures do not agree
+
+    @staticmethod
+    def of(flat: Flat, views: Sequence[DepthMap], spacing: float) -> Look:
+        """What most of the views that look at a place show there, be it the plane or not.
+
+        Args:
+            flat: the plane.
+            views: maps of cameras.
+            spacing: of the splats, world units.
+        """
+        cells = max(int(flat.there.sum()), 1)
+        fine = int(np.clip(np.sqrt(TUNING.look_places / cells), 1, TUNING.look_fine))
+        places = np.argwhere(np.kron(flat.there, np.ones((fine, fine), bool)))
+        color = np.full((flat.there.shape[0] * fine, flat.there.shape[1] * fine, 3), np.nan, np.float32)
+        for start in range(0, len(places), _CHUNK):
+            some = places[start : start + _CHUNK]
+            color[tuple(some.T)] = _agreed(_seen(flat, flat.at((some + 0.5) / fine), views, spacing))
+        return Look(flat, fine, color)
+
+    def other(self, color: F32, points: F64) -> F32:
+        """(H, W) 0..1 whether pixels of a colour (H, W, 3) look otherwise than the plane at points (H, W, 3) on it; 0
+        where that is not known."""
+        along = np.einsum("...i,ki->...k", points, self.flat.axes) / self.flat.cell - self.flat.low
+        i = np.floor(np.nan_to_num(along) * self.fine).astype(np.int64)
+        inner = ((i >= 0) & (i < self.color.shape[:2])).all(axis=-1)
+        i = np.where(inner[..., None], i, 0)
+        off = np.abs(color - self.color[i[..., 0], i[..., 1]]).sum(axis=-1)
+        known = inner & np.isfinite(off)
+        return np.where(known, np.clip(off / np.float32(TUNING.look_other) - 1, 0, 1), 0).astype(np.float32)
+
+
+def _seen(flat: Flat, at: F64, views: Sequence[DepthMap], spacing: float) -> F32:
+    """(V, N, 3) what views have in the pixels of points (N, 3) of a plane; NaN where one does not look there, or is
+    sure of something before it."""
+    at = at + flat.normal * flat.lifted(at)[:, None]
+    out = np.full((len(views), len(at), 3), np.nan, np.float32)
+    for color, view in zip(out, views, strict=True):
+        rows, pixel, off, aslant = behind(view, flat, at)
+        near = TUNING.plane_tolerance * spacing + view.spread.ravel()[pixel] * aslant
+        before = (view.trust.ravel()[pixel] > TUNING.look_sure) & (off < -TUNING.look_before * near)
+        shown = (aslant > TUNING.look_aslant) & ~before
+        color[rows[shown]] = view.color.reshape(-1, 3)[pixel[shown]]
+    return out
+
+
+def _agreed(seen: F32) -> F32:
+    """(N, 3) the median of what views show (V, N, 3), NaN: nothing; NaN where they are too few, or half of them show
+    something else."""
+    count = np.isfinite(seen[..., 0]).sum(axis=0)
+    color = _median(seen, count)
+    apart = _median(np.abs(seen - color).sum(axis=2, keepdims=True), count)[:, 0]
+    color[(count < TUNING.look_views) | ~(apart < TUNING.look_apart)] = np.nan
+    return color
+
+
+def _median(values: F32, count: Int) -> F32:
+    """(N, n) the lower median over the first axis of values (V, N, n), of which `count` (N,) are no NaN."""
+    middle = np.maximum(count - 1, 0) // 2
+    ordered = np.sort(values, axis=0)  # NaN last
+    return np.asarray(np.take_along_axis(ordered, middle[None, :, None], axis=0)[0])

@@ -71,6 +71,12 @@ class Flat:
         along, far = (places + self.low) * self.cell, self.offset + high
         return np.asarray(along[:, :1] * self.axes[0] + along[:, 1:] * self.axes[1] + self.normal * far)
 
+    def finer(self, times: int) -> Flat:
+        """The same plane in cells so many times smaller along each side; other planes do not bound it."""
+        there = np.kron(self.there, np.ones((times, times), bool))
+        fine = Flat(self.normal, self.offset, self.axes, self.cell / times, self.low * times, there)
+        return fine if self.lift is None else replace(fine, lift=self.lifted(fine.middles).reshape(there.shape))
+
     def off(self, points: F64) -> F64:
         """(...,) distances of points (..., 3), signed."""
         return np.asarray(np.einsum("...i,i->...", points, self.normal) - self.offset - self.lifted(points))

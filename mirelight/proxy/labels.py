@@ -66,8 +66,10 @@ def labelled(view: DepthMap, flats: Sequence[Flat], tolerance: float, looks: Seq
     """The planes that a view's pixels lie on, for all that it shows itself; `looks`: of each plane, or none."""
     origins, directions = rays(view.camera)
     depths = [depth_of(view, flat, directions) for flat in flats]
-    met = zip(looks, depths[: len(looks)], strict=True)
-    unlike = [look.other(view.color, origins + directions * depth[..., None]) for look, depth in met]
+    unlike = [np.zeros_like(view.depth)] * len(flats)
+    if looks:
+        met = (origins + directions * depth[..., None] for depth in depths)
+        unlike = [look.other(view.color, at) for look, at in zip(looks, met, strict=True)]
     return Labels(*_labels(view, flats, depths, tolerance, unlike))
 
 
@@ -116,7 +118,7 @@ def _labels(
     view: DepthMap, flats: Sequence[Flat], depths: Sequence[F32], tolerance: float, unlike: Sequence[F32]
 ) -> tuple[Int, F32]:
     """(H, W) the plane that each pixel lies on, the number of planes: none, -1: on one, past its end, where nothing is.
-    And how sure that is, 0..1. `unlike`: (H, W) of each plane whether pixels look otherwise; none: that is not told."""
+    And how sure that is, 0..1. `unlike`: (H, W) 0..1 of each plane, whether pixels look otherwise than it."""
     origins, directions = rays(view.camera)
     there, trust = view.depth > 0, view.trust
     reach = np.float32(2 * tolerance) + view.spread
@@ -135,8 +137,7 @@ def _labels(
         # things do not blend with what lies behind them; of fog, nobody knows how far before a plane it hangs
         thing = np.minimum(trust / np.float32(TUNING.fog), 1)
         unsure += thing * np.clip(before - np.float32(TUNING.label_before), 0, 1)
-        if unlike:
-            unsure += np.float32(TUNING.label_out) * unlike[k]
+        unsure += np.float32(TUNING.label_out) * unlike[k]
         cost = np.where(there, trust * cost + (1 - trust) * unsure, np.float32(0.5))
         costs.append(np.where(depth > 0, cost, np.float32(TUNING.label_out)))
     free = np.where(there, TUNING.label_free * trust + (1 - trust) * np.float32(0.8), 1.0)

@@ -24,9 +24,8 @@ _CHUNK = 1 << 15  # places at once
 class Look:
     """A plane's colours."""
 
-    flat: Flat
-    fine: int  # places along each side of a cell
-    color: F32  # (I fine, J fine, 3) display values of places; NaN where pictures do not agree
+    plane: Flat  # in cells that have one colour each
+    color: F32  # (I, J, 3) display values of these; NaN where pictures do not agree
 
     @staticmethod
     def of(flat: Flat, views: Sequence[DepthMap], spacing: float) -> Look:
@@ -37,22 +36,19 @@ class Look:
             views: maps of cameras.
             spacing: of the splats, world units.
         """
-        cells = max(int(flat.there.sum()), 1)
-        fine = int(np.clip(np.sqrt(TUNING.look_places / cells), 1, TUNING.look_fine))
-        places = np.argwhere(np.kron(flat.there, np.ones((fine, fine), bool)))
-        color = np.full((flat.there.shape[0] * fine, flat.there.shape[1] * fine, 3), np.nan, np.float32)
-        for start in range(0, len(places), _CHUNK):
-            some = places[start : start + _CHUNK]
-            color[tuple(some.T)] = _agreed(_seen(flat, flat.at((some + 0.5) / fine), views, spacing))
-        return Look(flat, fine, color)
+        times = np.sqrt(TUNING.look_places / max(int(flat.there.sum()), 1))
+        plane = flat.finer(int(np.clip(times, 1, TUNING.look_fine)))
+        at, there = plane.middles, np.flatnonzero(plane.there)
+        color = np.full((len(at), 3), np.nan, np.float32)
+        for start in range(0, len(there), _CHUNK):
+            some = there[start : start + _CHUNK]
+            color[some] = _agreed(_seen(plane, at[some], views, spacing))
+        return Look(plane, color.reshape(*plane.there.shape, 3))
 
     def other(self, color: F32, points: F64) -> F32:
         """(H, W) 0..1 whether pixels of a colour (H, W, 3) look otherwise than the plane at points (H, W, 3) on it; 0
         where that is not known."""
-        along = np.einsum("...i,ki->...k", points, self.flat.axes) / self.flat.cell - self.flat.low
-        i = np.floor(np.nan_to_num(along) * self.fine).astype(np.int64)
-        inner = ((i >= 0) & (i < self.color.shape[:2])).all(axis=-1)
-        i = np.where(inner[..., None], i, 0)
+        i, inner = self.plane.cells(points)
         off = np.abs(color - self.color[i[..., 0], i[..., 1]]).sum(axis=-1)
         known = inner & np.isfinite(off)
         return np.where(known, np.clip(off / np.float32(TUNING.look_other) - 1, 0, 1), 0).astype(np.float32)
@@ -61,7 +57,6 @@ class Look:
 def _seen(flat: Flat, at: F64, views: Sequence[DepthMap], spacing: float) -> F32:
     """(V, N, 3) what views have in the pixels of points (N, 3) of a plane; NaN where one does not look there, or is
     sure of something before it."""
-    at = at + flat.normal * flat.lifted(at)[:, None]
     out = np.full((len(views), len(at), 3), np.nan, np.float32)
     for color, view in zip(out, views, strict=True):
         rows, pixel, off, aslant = behind(view, flat, at)

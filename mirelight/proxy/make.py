@@ -263,8 +263,9 @@ def _on_planes(
 ) -> list[DepthMap]:
     """The views with the pixels that lie on planes moved onto them; `walls`: those that are sides of a room."""
     tolerance = TUNING.plane_tolerance * spacing
-    looks = each(lambda flat: Look.of(flat, views, spacing), flats)
-    labels = each(lambda view: labelled(view, flats, tolerance, looks), views, report, "moving pixels onto planes")
+    colors, moves = part(report, 0.0, 0.5), part(report, 0.5, 1.0)
+    looks = each(lambda flat: Look.of(flat, views, spacing), flats, colors, "reading planes' colours")
+    labels = each(lambda view: labelled(view, flats, tolerance, looks), views, moves, "moving pixels onto planes")
     labels = filled(views, labels, flats, tolerance)
     if walls:
         labels = hung(views, labels, flats, walls)

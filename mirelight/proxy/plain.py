@@ -66,9 +66,8 @@ def _is_known(flat: Flat, flats: Sequence[Flat], thick: float) -> bool:
 def _is_plain(flat: Flat, views: Sequence[DepthMap], rest: Sequence[DepthMap], thick: float) -> bool:
     """Whether views show places on a plane in one colour each, and nearly all in one colour around; `rest`: the views
     with what is so in them."""
-    steps = (np.arange(TUNING.plain_places) + 0.5) / TUNING.plain_places - 0.5
-    cells = np.argwhere(flat.there) + 0.5
-    at = flat.at(np.concatenate([cells + np.array([a, b]) for a in steps for b in steps]))
+    fine = flat.finer(TUNING.plain_places)
+    at = fine.middles[fine.there.ravel()]
     count, even = np.zeros(len(at)), np.zeros(len(at))
     total, square = np.zeros((len(at), 3)), np.zeros((len(at), 3))
     for view, plain in zip(views, rest, strict=True):

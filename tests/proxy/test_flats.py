@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import flats_of, turned_outwards
+from mirelight.proxy.flats import Flat, flats_of, turned_outwards
 from mirelight.proxy.labels import Sky, flattened, fog_of
 from mirelight.proxy.pieces import Points
 from mirelight.proxy.squared import squared
@@ -162,3 +162,19 @@ def test_a_wall_that_leans_stays() -> None:
     flats = flats_of([before(x, low=-2.0, up=np.radians(2)) for x in (-1.0, 0.0, 1.0)], SPACING / 2, 10.0)
     wall = max(flats, key=lambda flat: abs(flat.normal[2]))
     assert abs(wall.normal[1]) == pytest.approx(np.sin(np.radians(2)), abs=2e-3)
+
+
+def test_a_plane_in_finer_cells_lies_where_it_lay() -> None:
+    """As high as it is lifted there, which between the middles of cells is told by both."""
+    there = np.ones((4, 6), bool)
+    there[0, :2] = False
+    slope = np.arange(4.0)[:, None] * np.full((1, 6), 0.1)  # along the first axis
+    axes = np.array([[1.0, 0, 0], [0, 0, 1]])
+    ground = Flat(np.array([0.0, 1, 0]), 2.0, axes, 0.5, np.array([-2, 3]), there, lift=slope)
+    fine = ground.finer(3)
+    at = fine.middles
+    assert fine.there.sum() == 9 * there.sum()
+    np.testing.assert_array_equal(fine.inside(at), ground.inside(at))
+    np.testing.assert_allclose(ground.off(at), 0, atol=1e-12)
+    within = (at[:, 0] > -0.75) & (at[:, 0] < 0.75)  # beyond the outermost middles it goes on level
+    np.testing.assert_allclose(at[within, 1], 2 + 0.1 * (at[within, 0] / 0.5 + 1.5), atol=1e-12)

@@ -31,6 +31,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         dest="objects",
         help="a mesh to put into it, or one node of a glTF file; may be given several times",
     )
+    parser.add_argument(
+        "--cameras",
+        metavar="FILE",
+        help="the cameras of its pictures, a file or folder; default: what lies beside the capture",
+    )
     options.add_json(parser)
 
 
@@ -48,7 +53,9 @@ def run_new(args: argparse.Namespace) -> int:
         raise OutputError(f"{out}: is there already; name another with -o")
     objects = tuple(_object(x) for x in args.objects)
     capture = _capture(args.capture)
-    wish = Wish(light=args.light, objects=objects, estimated=True, directory=_directory(out, capture))
+    cameras = None if args.cameras is None else Path(args.cameras)
+    directory = _directory(out, capture)
+    wish = Wish(light=args.light, objects=objects, estimated=True, directory=directory, cameras=cameras)
     with bar(args.json) as progress:
         found = job_for(capture, out.parent, wish, progress)
     write_file(out, found.text)

@@ -33,8 +33,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cameras",
         metavar="FILE",
-        help="the capture's cameras, in its own axes: it is looked at from there, and what they did not see is closed "
-        "against light",
+        help="the capture's cameras: it is looked at from there, and what they did not see is closed against light",
     )
     parser.add_argument(
         "--no-ceiling",
@@ -130,7 +129,7 @@ def _made(
     from mirelight.proxy import ProxySettings, judge, make, register
     from mirelight.proxy.judge import seen_by
 
-    cameras = _cameras(args.cameras) if args.cameras is not None else ()
+    cameras = _cameras(args.cameras, cloud) if args.cameras is not None else ()
     if args.fit is None:
         settings = ProxySettings(triangles=args.triangles, ceiling=not args.no_ceiling)
         guess = partial(guessed_of_file, Path(args.splats), lambda: cloud)
@@ -157,16 +156,17 @@ def _made(
     )
 
 
-def _cameras(path: str) -> list[Camera]:
-    """Of a file in the splats' axes."""
+def _cameras(path: str, cloud: SplatCloud) -> list[Camera]:
+    """Of a file, in the splats' world."""
     if path.lower().endswith(GLTF):
         from mirelight.io.gltf.scene import read_cameras
 
         found = [x.to_camera(*_SIZE) for x in read_cameras(Path(path))]
     else:
-        from mirelight.io.cameras import open_file
+        from mirelight.apps.first_job import own_cameras
 
-        found = [x.to_camera(x.size(_SIZE)) for x in open_file(Path(path)).read()]
+        brought, _ = own_cameras.find(Path(path), cloud, Path(path))
+        found = [x.to_camera(x.size(_SIZE)) for x in brought.cameras] if brought is not None else []
     if not found:
         raise InputError(path, "no cameras", "give the capture's cameras, or leave --cameras out")
     return found

@@ -336,7 +336,8 @@ def refuse_strangers(capture: Capture, cameras: Sequence[Camera], source: str | 
     seen = float(weight[shown].sum() / weight.sum())
     if seen < TUNING.make_least_seen:
         found = f"its {len(cameras):,} cameras have {seen:.0%} of it in their pictures"
-        raise InputError(source, found, "give the cameras of this capture, in its own axes; or none")
+        remedy = "give the cameras of this capture, in its own axes (the splats' world may be a trainer's); or none"
+        raise InputError(source, found, remedy)
 
 
 def _around(capture: Capture) -> tuple[Camera, ...]:

@@ -6,12 +6,13 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mirelight import cli
 from mirelight.base.conventions import look_at
-from mirelight.io import splats
-from mirelight.io.cameras import inria
+from mirelight.io import job, splats
+from mirelight.io.cameras import colmap_write, inria, open_file, worlds
 from mirelight.model import Camera
 from tests.proxy.clouds import on_surface, square
 
@@ -41,7 +42,42 @@ def test_the_folder_of_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for given, name in (("out", "folder"), (str(capture), "file")):
         assert cli.main(["new", given, "-o", f"{name}.toml"]) == 0
     folder, file = ((tmp_path / f"{x}.toml").read_text("utf-8") for x in ("folder", "file"))
-    job = tomllib.loads(folder)
-    assert job["output"]["directory"] == "out-folder"  # frames are kept apart from the training
-    assert job["splats"]["path"] == capture.as_posix() and "out/cameras.json" in folder
-    assert tomllib.loads(file)["splats"] == job["splats"] and "out/cameras.json" in file
+    written = tomllib.loads(folder)
+    assert written["output"]["directory"] == "out-folder"  # frames are kept apart from the training
+    assert written["splats"]["path"] == capture.as_posix() and "out/cameras.json" in folder
+    assert tomllib.loads(file)["splats"] == written["splats"] and "out/cameras.json" in file
+
+
+def test_a_training_of_gsplat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The project that its settings name is found, and that its splats were moved; cameras given by hand say the same,
+    and the job has them where they look at the splats."""
+    monkeypatch.chdir(tmp_path)
+    capture, project = Path("results/hall/ply/point_cloud_29999.ply"), Path("data/hall/sparse/0")
+    capture.parent.mkdir(parents=True)
+    project.mkdir(parents=True)
+    cloud = on_surface(*square(4, 0.1, 1, 0), 0.1, thin=0.02)
+    rng = np.random.default_rng(2)
+    shown = cloud.means[rng.permutation(len(cloud))[:400]] + (0.0, 0.0, 0.0)
+    shown[:50, 1] += rng.uniform(0.2, 0.6, 50)  # a few things on it
+    places = rng.uniform((-3, 2, -3), (3, 4, 3), (9, 3))
+    cameras = [
+        Camera(world_from_camera=look_at(x, (0, 1, 0)), width=320, height=240, fx=300, fy=300, cx=160, cy=120)
+        for x in places
+    ]
+    names = [f"{i}.png" for i in range(len(cameras))]
+    colmap_write.write(project, cameras, names, colmap_write.Points(shown, np.zeros((len(shown), 3))))
+    file = open_file(project)
+    m = worlds.of_gsplat(file.read(), shown.astype(np.float64), shown.astype(np.float64))
+    splats.write(splats.transform(cloud, m), capture)
+    Path("results/hall/cfg.yml").write_text("!!python/object:Config\nckpt: null\ndata_dir: data/hall\n", "utf-8")
+    for given, name in ((["results/hall"], "folder"), ([str(capture), "--cameras", "data/hall"], "given")):
+        assert cli.main(["new", *given, "-o", f"{name}.toml"]) == 0
+        text = tomllib.loads(Path(f"{name}.toml").read_text("utf-8"))
+        assert text["splats"]["world"] == "gsplat"
+        loaded = job.load(Path(f"{name}.toml"))
+        assert loaded.made_proxy is not None and len(loaded.made_proxy.cameras) == len(cameras)
+        assert loaded.splat_files[0].path.name == capture.name
+        world = loaded.splat_files[0].world_from_file @ m
+        for one, other in zip(loaded.made_proxy.cameras, cameras, strict=True):
+            np.testing.assert_allclose(one.position, (world @ [*other.position, 1])[:3], atol=1e-4)
+    assert cli.main(["new", str(capture), "--cameras", "data", "-o", "bad.toml"]) == 2

@@ -1,34 +1,26 @@
-"""What lies beside a capture: a proxy that fits it, its cameras, lights."""
+"""What lies beside a capture: a proxy that fits it, lights."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from mirelight.base import colour, conventions
+from mirelight.base import colour
 from mirelight.base.errors import InputError, one_line, printable
-from mirelight.io.splats.training import folder_of
 from mirelight.io.suffixes import GLTF, MESHES
-from mirelight.model import F64, Camera, Deferred, ProxyMesh, SplatCloud, SplatLayer
-
-if TYPE_CHECKING:
-    from mirelight.io.cameras import FileCamera
+from mirelight.model import F64, ProxyMesh, SplatCloud
 
 MOST_LIGHTS = 3  # files of lights that are taken, and lines on others
 NO_LIGHT = "give sun, point, an .hdr or .exr panorama, or a glTF with lights"
 _PANORAMAS = (".hdr", ".exr")
 _MADE = "one is made in its place"
-_CAMERAS = ("sparse/0", "sparse", "transforms.json", "cameras.json")
 _POINTS = 5_000
 _FEWEST = 10  # opaque splats, by which a fit can be told
 _NEAR = 0.02  # of the capture's size: so near does its proxy lie to most splats
 _MOST = 0.8
-_SHARE = 0.002  # of the splats, that a camera of theirs has in its picture at the least
-_LOOKED_AT = 20  # cameras
-_SIZE = (960, 540)  # pixels of cameras whose file gives none
 _SUN = 3.5  # lux that a light of a file is brought to at the capture's middle
 
 LightKind = Literal["panorama", "glTF"]
@@ -63,39 +55,6 @@ class Lights:
     intensity: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cameras:
-    """A file or folder of the capture's cameras, in the splats' own axes."""
-
-    path: Path
-    cameras: tuple[FileCamera, ...]  # at least one
-
-    def placed(self, turn: F64) -> tuple[Camera, ...]:
-        """The cameras in the world, as pinholes: `turn` (3, 3) is from the splats' axes to the world."""
-        m = conventions.compose(rotation=turn)
-        return tuple(one.to_camera(one.size(_SIZE), m @ one.world_from_camera) for one in self.cameras)
-
-    def views(self, world: SplatCloud, turn: F64) -> tuple[SplatLayer, ...]:
-        """What they see, in the colours of their pictures where those lie there.
-
-        Args:
-            world: the splats, in world space.
-            turn: (3, 3) rotation from the splats' axes to the world.
-        """
-        from mirelight.io.cameras import open_file
-        from mirelight.io.cameras.pictures import find_all
-        from mirelight.proxy.capture_views import capture_views
-
-        pictures = find_all(open_file(self.path), self.cameras)
-        m = conventions.compose(rotation=turn)
-        cameras = [
-            one.to_camera(one.size(_SIZE) if picture is None else picture.lens.size, m @ one.world_from_camera)
-            for one, picture in zip(self.cameras, pictures, strict=True)
-        ]
-        taken = [None if x is None else Deferred("", x.read, keep=False) for x in pictures]
-        return capture_views(world, cameras, taken)
-
-
 def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Misfit | None]:
     """The first mesh beside a capture that fits it, and else the first that does not.
 
@@ -112,7 +71,7 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
             mesh = read_mesh(path, textures=False)
         except InputError as refused:
             if path.stem.lower() != _stem(capture):  # of the same name may be the same splats in another format
-                misfit = misfit or Misfit(path, _why(refused), _MADE)
+                misfit = misfit or Misfit(path, why(refused), _MADE)
             continue
         fits = list[_Fit]()
         for turned, axes in ((False, turn), (True, np.eye(3))):
@@ -121,67 +80,6 @@ def proxy(capture: Path, cloud: SplatCloud, turn: F64) -> tuple[Proxy | None, Mi
                 return Proxy(path, turned and not np.allclose(turn, np.eye(3))), None
         misfit = misfit or Misfit(path, f"does not fit it: {max(fits, key=lambda x: x.near).why}", _MADE)
     return None, misfit
-
-
-def cameras(capture: Path) -> tuple[Cameras | None, Misfit | None]:
-    """The capture's cameras and None, or None and why the first file of them cannot be used.
-
-    They are in its own file, beside it, or in the folder of its training.
-    """
-    from mirelight.io.cameras import one_picture, open_file
-
-    misfit: Misfit | None = None
-    if one_picture.is_of(capture):
-        return Cameras(capture, open_file(capture).read()), None
-    training = folder_of(capture)
-    places = [capture.parent / name for name in _CAMERAS]
-    if training is not None:
-        places.append(training / "cameras.json")
-    for path in places:
-        if path.exists():
-            try:
-                found = open_file(path).read()
-            except InputError as refused:
-                misfit = misfit or Misfit(path, _why(refused), "a camera is placed without")
-                continue
-            if found:
-                return Cameras(path, tuple(found)), None
-    return None, misfit
-
-
-def around(found: Cameras, cloud: SplatCloud) -> bool:
-    """Whether most cameras stand outside the box that holds the splats but strays: then it is no room.
-
-    Args:
-        found: the cameras.
-        cloud: as the file has it.
-    """
-    solid = cloud.means[cloud.opacities > 0.1].astype(np.float64)
-    if not len(solid):
-        return False
-    low, high = np.quantile(solid, [0.01, 0.99], axis=0)
-    places = np.array([one.world_from_camera[:3, 3] for one in found.cameras])
-    return float(((places < low) | (places > high)).any(axis=1).mean()) > 0.5
-
-
-def look_at(found: Cameras, cloud: SplatCloud) -> bool:
-    """Whether most cameras have splats before them: those of another scene, or in other axes or units, mostly do not.
-
-    Args:
-        found: the cameras.
-        cloud: as the file has it.
-    """
-    solid = cloud.means[cloud.opacities > 0.3].astype(np.float64)
-    means = solid[:: max(1, len(solid) // _POINTS)]
-    sees = []
-    for one in found.cameras[:: -(-len(found.cameras) // _LOOKED_AT)]:
-        camera = one.to_camera(one.size(_SIZE))
-        local = (means - camera.position) @ camera.world_from_camera[:3, :3]
-        away = np.maximum(-local[:, 2], 1e-9)
-        x = np.abs(local[:, 0] / away * camera.fx) < camera.width / 2
-        y = np.abs(local[:, 1] / away * camera.fy) < camera.height / 2
-        sees.append(bool((x & y & (local[:, 2] < 0)).sum() > _SHARE * len(means)))
-    return float(np.mean(sees)) > 0.5
 
 
 def lights(capture: Path, middle: F64, taken: Path | None) -> tuple[tuple[Lights, ...], tuple[Misfit, ...]]:
@@ -204,7 +102,7 @@ def lights(capture: Path, middle: F64, taken: Path | None) -> tuple[tuple[Lights
         except InputError as refused:
             needs_more = refused.field == "extensionsRequired"  # splats or a mesh, and sound
             if path not in meshes and not needs_more and len(misfits) < MOST_LIGHTS:
-                misfits.append(Misfit(path, _why(refused), "no light is taken from it"))
+                misfits.append(Misfit(path, why(refused), "no light is taken from it"))
             continue
         if one is not None:
             found.append(one)
@@ -251,7 +149,8 @@ def _meshes(capture: Path) -> list[Path]:
     return [p for name in names for p in there if p.stem.lower() == name]
 
 
-def _why(refused: InputError) -> str:
+def why(refused: InputError) -> str:
+    """Words for a :class:`Misfit` of a file that was refused."""
     return one_line(f"cannot be used: {refused.field and f'{refused.field}: '}{refused.found}")
 
 

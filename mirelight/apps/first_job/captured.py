@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.apps.first_job import beside
+from mirelight.apps.first_job import beside, own_cameras
 from mirelight.base.errors import RenderError
 from mirelight.model import F64, RenderSettings, SplatCloud
 from mirelight.proxy.guessed import Guess
@@ -21,7 +21,7 @@ class Known:
 
 
 def find(
-    world: SplatCloud, proxy: beside.Proxy, cameras: beside.Cameras | None, turn: F64, guess: Guess
+    world: SplatCloud, proxy: beside.Proxy, cameras: own_cameras.Cameras | None, turn: F64, guess: Guess
 ) -> Known | None:
     """What is estimated; None where the two halves of the splats disagree, or it explains hardly anything.
 

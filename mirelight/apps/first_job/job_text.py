@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mirelight.apps.first_job import beside, captured, lighting, objects, stage_text, up, view
+from mirelight.apps.first_job import beside, captured, lighting, objects, own_cameras, stage_text, up, view
 from mirelight.apps.first_job.toml_text import Names, position, quoted, vector
 from mirelight.base import conventions
 from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
 from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.estimate.tuning import TUNING
+from mirelight.io.cameras import World
 from mirelight.model import Camera, SplatCloud
 from mirelight.pipeline.guesses import guessed_of_file
 from mirelight.proxy import views
@@ -38,6 +39,7 @@ class Wish:
     objects: tuple[tuple[Path, str | None], ...] = ()
     estimated: bool = False  # its own light is, where its cameras are known; else an even one is assumed
     directory: str = "out"  # of the frames
+    cameras: Path | None = None  # those of the capture's pictures; None: they are looked for
 
     @property
     def as_captured(self) -> bool:
@@ -78,7 +80,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     cloud = splats.read(capture)
     if cloud.too_far:
         raise InputError(capture, f"it {cloud.too_far}", "move it to the origin before it is saved")
-    cameras, unread = beside.cameras(capture)
+    cameras, unread = own_cameras.find(capture, cloud, wish.cameras)
     own_guess = cache(partial(_guessed, capture, progress))
     progress("looking at the splats", 0.1)
     taken = _taken(cameras, cloud)
@@ -88,8 +90,8 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     world = cloud if found.euler == (0, 0, 0) else splats.transform(cloud, m)
     meshes = [objects.MeshFile.read(*x) for x in wish.objects]
     proxy, misfit = beside.proxy(capture, cloud, turn)
-    looking = cameras if cameras is not None and beside.look_at(cameras, cloud) else None
-    outside = cameras is not None and beside.around(cameras, cloud)
+    looking = cameras if cameras is not None and own_cameras.look_at(cameras, cloud) else None
+    outside = cameras is not None and own_cameras.around(cameras, cloud)
     del cloud  # it may take as much memory as the world does
 
     def guess() -> list[Camera]:
@@ -108,7 +110,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     which_way = _up(world, found)
     lines = [
         f"# {printable(capture.name)}: written by `mirelight new`. Every key: {page('job file')}",
-        *_splats(capture, which_way, found, named),
+        *_splats(capture, which_way, found, "capture" if cameras is None else cameras.world, named),
         *(
             _made(cameras, looking, asked, misfit, named)
             if proxy is None
@@ -129,7 +131,7 @@ def job_for(capture: Path, folder: Path, wish: Wish = Wish(), progress: SharePro
     return FirstJob("\n".join(lines) + "\n", which_way, seen.brightness, notes)
 
 
-def _taken(cameras: beside.Cameras | None, cloud: SplatCloud) -> tuple[Camera, ...]:
+def _taken(cameras: own_cameras.Cameras | None, cloud: SplatCloud) -> tuple[Camera, ...]:
     """Cameras that are known, or those of the one picture that splats were made of, in their axes."""
     return takers(cloud) if cameras is None else cameras.placed(np.eye(3))
 
@@ -166,12 +168,15 @@ def _up(cloud: SplatCloud, found: up.Up) -> str:
     return f"{len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
 
 
-def _splats(capture: Path, which_way: str, found: up.Up, named: Names) -> Iterator[str]:
+def _splats(capture: Path, which_way: str, found: up.Up, world: World, named: Names) -> Iterator[str]:
     yield ""
     yield f"# {which_way}"
     if found.guessed:
         yield "# Upside down, or on its side? Change rotation_euler: [0, 0, 0], [90, 0, 0], …"
     place = _placed(found)
+    if world != "capture":
+        yield f"# They lie in the world that {world} trained in; its cameras are brought there."
+        place += f', world = "{world}"'
     yield f"splats = {{ path = {named(capture)}{place} }}" if place else f"splats = {named(capture)}"
 
 
@@ -182,7 +187,7 @@ def _placed(found: up.Up) -> str:
 
 def _given(
     proxy: beside.Proxy,
-    cameras: beside.Cameras | None,
+    cameras: own_cameras.Cameras | None,
     found: up.Up,
     known: captured.Known | None,
     named: Names,
@@ -214,8 +219,8 @@ def _own_light(wish: Wish, asked: bool) -> Iterator[str]:
 
 
 def _made(
-    cameras: beside.Cameras | None,
-    looking: beside.Cameras | None,
+    cameras: own_cameras.Cameras | None,
+    looking: own_cameras.Cameras | None,
     colored: bool,
     misfit: beside.Misfit | None,
     named: Names,
@@ -235,7 +240,9 @@ def _made(
     yield f'proxy = {{ path = "splats"{colours} }}' if colored else 'proxy = "splats"'
 
 
-def _cameras(found: beside.Cameras | None, unread: beside.Misfit | None, wish: Wish, named: Names) -> Iterator[str]:
+def _cameras(
+    found: own_cameras.Cameras | None, unread: beside.Misfit | None, wish: Wish, named: Names
+) -> Iterator[str]:
     """A few of the capture's own cameras, as large as the first picture."""
     if unread is not None:
         yield ""
@@ -288,7 +295,7 @@ def _assumed(seen: view.FirstView, proxy: beside.Proxy | None) -> Iterator[str]:
     yield "environment = { radiance = 1.0 }"
 
 
-def _finer(found: beside.Cameras, seen: view.FirstView, wish: Wish) -> bool:
+def _finer(found: own_cameras.Cameras, seen: view.FirstView, wish: Wish) -> bool:
     """Whether the capture's pictures, as wide as its cameras say, have more pixels to an angle than frames."""
     frames = seen.camera.fy * wish.resolution[1] / seen.camera.height
     cameras = [x.to_camera(x.size(wish.resolution)) for x in found.cameras]

@@ -6,15 +6,33 @@ each format keeps, and its conventions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
+import numpy as np
+
+from mirelight.base import conventions
+from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
-from mirelight.io.cameras import camera_path, colmap, inria, one_picture, phones, reading, supersplat, table, transforms
+from mirelight.io.cameras import (
+    camera_path,
+    colmap,
+    inria,
+    one_picture,
+    phones,
+    reading,
+    supersplat,
+    table,
+    transforms,
+    worlds,
+)
 from mirelight.io.cameras.placed import STRAIGHT, Angle, Distortion, FileCamera, Intrinsics
-from mirelight.io.cameras.transforms import DATAPARSER, Axes
+from mirelight.io.cameras.transforms import Axes
+from mirelight.io.cameras.worlds import World
 from mirelight.io.safety import existing, open_binary
+from mirelight.model import F64
 
 __all__ = [
     "STRAIGHT",
@@ -40,12 +58,19 @@ Kind = Literal[
     "CSV",
     "SHARP",
 ]
-World = Literal["capture", "nerfstudio"]
+
+DATAPARSER = "dataparser_transforms.json"  # nerfstudio's, of a training
 
 _READABLE = (
     "read are glTF, COLMAP, cameras.json, transforms.json, .ssproj, camera_path.json, Polycam, Record3D, CSV "
     "and the PLY of SHARP"
 )
+
+
+_FEWEST_POINTS = 50  # that tell where splats lie
+_CLEARLY = 0.7  # of how far points lie from splats in the capture's axes, that they do in a trainer's world
+
+Centres: TypeAlias = Callable[[], F64]  # (N, 3) of splats, in their own axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +88,7 @@ class CameraFile:
         *,
         axes: Axes | None = None,
         world: World = "capture",
+        centres: Centres | None = None,
         fps: float | None = None,
         frames: int | None = None,
     ) -> tuple[FileCamera, ...]:
@@ -70,8 +96,9 @@ class CameraFile:
 
         Args:
             axes: transforms.json and CSV: the cameras' own axes; None: OpenGL's.
-            world: transforms.json and camera_path.json: nerfstudio: the world of a training, which its exported splats
-                are in; capture: that of the pictures' poses.
+            world: COLMAP, transforms.json and camera_path.json: that of a trainer, which its splats are in; capture:
+                that of the pictures' poses. Others are in one world.
+            centres: gives the splats' (N, 3), which gsplat's world needs.
             fps: SuperSplat: pictures in a second of its film, instead of its keys.
             frames: SuperSplat: pictures over its whole film.
 
@@ -80,15 +107,11 @@ class CameraFile:
         """
         match self.kind:
             case "COLMAP":
-                return colmap.read(*self.files)
+                return self._trained(colmap.read(*self.files[:2]), world, centres)
             case "cameras.json":
                 return inria.read(self.path, self.data)
             case "transforms.json":
-                trained = world == "nerfstudio"
-                if trained and self.dataparser is None:
-                    remedy = "copy it from the training's folder to beside this file"
-                    raise InputError(self.path, f"no {DATAPARSER} beside it, which leads to nerfstudio's world", remedy)
-                return transforms.read(self.path, self.data, axes, self.dataparser if trained else None)
+                return self._trained(transforms.read(self.path, self.data, axes), world, centres)
             case "SuperSplat":
                 return supersplat.read(self.path, fps, frames)
             case "camera_path.json":
@@ -101,6 +124,73 @@ class CameraFile:
                 return table.read(self.path, axes or "opengl")
             case "SHARP":
                 return one_picture.read(self.path)
+
+    def worlds(self) -> tuple[World, ...]:
+        """The worlds that its cameras can be brought to."""
+        if self.kind == "COLMAP":
+            return ("capture", "nerfstudio", "gsplat")
+        return ("capture", "nerfstudio") if self.kind in ("transforms.json", "camera_path.json") else ("capture",)
+
+    def world_of(self, cameras: Sequence[FileCamera], centres: F64) -> World | None:
+        """The world in which what the pictures showed lies nearest to splats; None where no points tell it.
+
+        Args:
+            cameras: all of the file, in the capture's axes.
+            centres: (N, 3) of the splats.
+
+        Raises:
+            InputError: the points are damaged.
+        """
+        points = self.points()
+        if points is None or not len(centres):
+            return None
+        apart = {x: worlds.apart(points, self.to_world(cameras, x, lambda: centres), centres) for x in self.worlds()}
+        best = min(apart, key=lambda x: apart[x])
+        return best if apart[best] < _CLEARLY * apart["capture"] else "capture"
+
+    def points(self) -> F64 | None:
+        """(M, 3) what its pictures showed, in the capture's axes; None where nothing says. Raises InputError."""
+        if self.kind == "COLMAP":
+            path = colmap.points_beside(self.files[1])
+            found = None if path is None else colmap.read_points(path)
+        elif self.kind == "transforms.json":
+            found = transforms.points_beside(self.path, self.data)
+        else:
+            return None
+        return found if found is not None and len(found) >= _FEWEST_POINTS else None
+
+    def to_world(self, cameras: Sequence[FileCamera], world: World, centres: Centres | None) -> Matrix:
+        """The matrix (4, 4) from the capture's axes to a world.
+
+        Args:
+            cameras: all of the file, in the capture's axes.
+            world: one of :meth:`worlds`.
+            centres: see :meth:`read`.
+
+        Raises:
+            InputError: what leads there is not there.
+        """
+        if world == "gsplat":
+            points = self.points()
+            if points is None or centres is None:
+                found, remedy = "no points3D beside it, by which gsplat moved its world", "copy it from the same model"
+                raise InputError(self.path, found, remedy)
+            return worlds.of_gsplat(cameras, points, centres())
+        if world == "nerfstudio" and self.dataparser is not None:
+            return worlds.said_by_nerfstudio(self.dataparser)
+        if world == "nerfstudio":
+            if self.kind == "COLMAP":
+                return worlds.of_nerfstudio(cameras, worlds.COLMAP_TO_NERFSTUDIO)
+            return worlds.of_nerfstudio(cameras, transforms.file_from_capture(self.path, self.data))
+        return np.eye(4)
+
+    def _trained(
+        self, cameras: tuple[FileCamera, ...], world: World, centres: Centres | None
+    ) -> tuple[FileCamera, ...]:
+        if world == "capture":
+            return cameras
+        m = self.to_world(cameras, world, centres)
+        return tuple(replace(x, world_from_camera=conventions.rigid_part(m @ x.world_from_camera)) for x in cameras)
 
 
 def open_file(path: str | Path) -> CameraFile:
@@ -126,7 +216,7 @@ def open_file(path: str | Path) -> CameraFile:
         pair = path.with_stem("cameras"), path.with_stem("images")
         if not all(file.is_file() for file in pair):
             raise InputError(path, "half a COLMAP model", f"{pair[0].name} and {pair[1].name} stand side by side")
-        return CameraFile(path, "COLMAP", pair)
+        return _colmap(path, pair)
     if head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
         return _json(path)
     if path.suffix.lower() == ".csv" or b"," in head.split(b"\n", 1)[0]:
@@ -137,7 +227,7 @@ def open_file(path: str | Path) -> CameraFile:
 def _folder(path: Path) -> CameraFile:
     model = colmap.find(path)
     if model is not None:
-        return CameraFile(path, "COLMAP", model)
+        return _colmap(path, model)
     for name in ("transforms.json", "cameras.json", "metadata", "metadata.json"):
         if (path / name).is_file():
             return _json(path / name)
@@ -145,6 +235,12 @@ def _folder(path: Path) -> CameraFile:
     if polycam is not None:
         return CameraFile(path, "Polycam", tuple(sorted(polycam.glob("*.json"))))
     raise InputError(path, "a folder without cameras", _READABLE)
+
+
+def _colmap(path: Path, model: tuple[Path, Path]) -> CameraFile:
+    near = (path if path.is_dir() else path.parent) / DATAPARSER
+    dataparser = near if near.is_file() else None
+    return CameraFile(path, "COLMAP", model if dataparser is None else (*model, dataparser), dataparser)
 
 
 def _json(path: Path) -> CameraFile:

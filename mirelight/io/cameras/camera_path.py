@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from mirelight.io.cameras import reading
+from mirelight.io.cameras import reading, worlds
 from mirelight.io.cameras.placed import Angle, FileCamera
-from mirelight.io.cameras.transforms import trained_world
 from mirelight.io.gltf.fields import Fields
 
 
@@ -36,7 +35,7 @@ def read(path: Path, data: dict[str, Any], dataparser: Path | None) -> tuple[Fil
     if kind != "perspective":
         raise top.fail("camera_type", f"{kind[:40]!r}, which no pinhole stands for", "choose perspective in the viewer")
     size = reading.side(top, "render_width"), reading.side(top, "render_height")
-    world = np.eye(4) if dataparser is None else np.linalg.inv(trained_world(dataparser))
+    world = np.eye(4) if dataparser is None else np.linalg.inv(worlds.said_by_nerfstudio(dataparser))
     out = []
     for i, entry in enumerate(reading.objects(path, "camera_path", data.get("camera_path")), start=1):
         fail = partial(entry.fail, "camera_to_world")

@@ -1,4 +1,4 @@
-"""COLMAP's sparse models, text and binary: cameras and images. Points are skipped.
+"""COLMAP's sparse models, text and binary: cameras, images and the places of points.
 
 Format: colmap.github.io/format.html. An image's pose is camera from world, quaternion wxyz and translation, in OpenCV's
 camera axes (+Z ahead, +Y down); pixel centres lie at +0.5. Binary files are little-endian.
@@ -21,6 +21,7 @@ from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics
 from mirelight.io.safety import open_binary
+from mirelight.model import F64
 
 LONGEST_NAME = 4096  # bytes
 _LONGEST_LINE = 1 << 26  # bytes; the line of an image's points is long
@@ -96,6 +97,21 @@ def read(cameras: Path, images: Path) -> tuple[FileCamera, ...]:
     reading.limited(images, len(found))
     names = reading.picture_names(image.name for image in found)
     return tuple(_placed(images, image, name, lenses) for image, name in zip(found, names, strict=True))
+
+
+def points_beside(images: Path) -> Path | None:
+    """The model's file of points; None where there is none."""
+    path = images.with_stem("points3D")
+    return path if path.is_file() else None
+
+
+def read_points(path: Path) -> F64:
+    """(M, 3) the points of a model, in the order of the file. Raises InputError."""
+    found = list((_binary_points if path.suffix.lower() == ".bin" else _text_points)(path))
+    out = np.array(found, np.float64).reshape(-1, 3)
+    if not np.isfinite(out).all():
+        raise InputError(path, "a point that is not finite", "the file is damaged")
+    return out
 
 
 def _placed(file: Path, image: _Image, name: str, lenses: dict[int, Lens]) -> FileCamera:
@@ -197,6 +213,15 @@ def _text_images(file: Path) -> Iterator[_Image]:
         next(lines, None)  # the image's points
 
 
+def _text_points(file: Path) -> Iterator[tuple[float, ...]]:
+    for number, line in _lines(file):
+        if line and not line.startswith("#"):
+            words, fail = line.split(maxsplit=4), partial(InputError, file, field=f"line {number}")
+            if len(words) < 4:
+                raise fail(f"{len(words)} words", "a point is POINT3D_ID X Y Z R G B ERROR TRACK")
+            yield tuple(_real(word, fail) for word in words[1:4])
+
+
 def _real(word: str, fail: partial[InputError]) -> float:
     try:
         return float(word)
@@ -281,6 +306,15 @@ def _binary_images(file: Path) -> Iterator[_Image]:
             (points,) = stream.take("<Q")
             stream.skip(24 * int(points))
             yield _Image(name, int(values[8]), values[1:8], f"images[{i}] ({name[:60]!r})")
+
+
+def _binary_points(file: Path) -> Iterator[tuple[float, ...]]:
+    with open_binary(file) as raw:
+        stream = _Stream(file, raw)
+        for _ in range(int(stream.take("<Q")[0])):
+            values = stream.take("<Q3d3BdQ")
+            stream.skip(8 * int(values[-1]))
+            yield tuple(values[1:4])
 
 
 def pose(world_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

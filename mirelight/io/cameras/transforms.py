@@ -22,11 +22,12 @@ from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
 from mirelight.io.cameras.placed import Angle, Distortion, FileCamera, Intrinsics
 from mirelight.io.gltf.fields import Fields
-from mirelight.model import Camera
+from mirelight.io.safety import contained, open_binary
+from mirelight.model import F64, Camera
 
 Axes = Literal["opengl", "opencv"]
 
-DATAPARSER = "dataparser_transforms.json"
+_POINTS = "sparse_pc.ply"  # as ns-process-data names it
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # a world with Y up to one with Z up
 
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
@@ -40,15 +41,13 @@ _OTHERS = ("distortion_params", "camera_model", "is_fisheye", "cx", "cy", "w", "
 _LENS = (*_FOCALS, *_ANGLES, *_RADIAL, *_TANGENTIAL, *_OTHERS)
 
 
-def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path | None) -> tuple[FileCamera, ...]:
+def read(path: Path, data: dict[str, Any], axes: Axes | None) -> tuple[FileCamera, ...]:
     """The cameras in the order of the file, in the capture's axes.
 
     Args:
         path: the file.
         data: what is in it.
         axes: of its cameras; None: OpenGL's, unless they look as if they were OpenCV's.
-        dataparser: nerfstudio's :data:`DATAPARSER` of a training, to have the cameras in that training's world, which
-            its exported splats are in; None: the capture's.
 
     Raises:
         InputError: what is wrong, with its field.
@@ -56,8 +55,7 @@ def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path |
     top = Fields(path, "", data)
     frames = _frames(top)
     names = reading.picture_names(_picture(frame, i) for i, frame in enumerate(frames))
-    undo = _applied(top)
-    world = None if dataparser is None else trained_world(dataparser)
+    undo = capture_from_file(path, data)
     out = []
     poses = [reading.rows(frame, "transform_matrix") for frame in frames]
     if axes is None and _looks_like_opencv(poses):
@@ -67,8 +65,6 @@ def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path |
     for frame, name, pose in zip(frames, names, poses, strict=True):
         fail = partial(frame.fail, "transform_matrix")
         pose = reading.rigid(undo @ (pose @ reading.FLIP if axes == "opencv" else pose), fail)
-        if world is not None:
-            pose = reading.rigid(world @ pose, fail)
         lens, distortion = _lens(_own_or_shared(frame, top))
         picture, mask = (frame.text(key, "") for key in ("file_path", "mask_path"))
         out.append(
@@ -77,18 +73,23 @@ def read(path: Path, data: dict[str, Any], axes: Axes | None, dataparser: Path |
     return tuple(out)
 
 
-def trained_world(path: Path) -> Matrix:
-    """The matrix (4, 4) from a capture to the world that nerfstudio trained in. Raises InputError."""
-    data = reading.load_json(path)
-    if not isinstance(data, dict):
-        raise InputError(path, "the JSON is not an object")
-    fields = Fields(path, "", data)
-    matrix = reading.rows(fields, "transform")
-    reading.rigid(matrix, partial(fields.fail, "transform"))
-    scale = fields.number("scale", 1.0)
-    if not 1e-9 < scale < 1e9:
-        raise fields.fail("scale", f"{scale:g}", "it must be positive")
-    return np.asarray(np.diag([scale, scale, scale, 1.0]) @ matrix)
+def file_from_capture(path: Path, data: dict[str, Any]) -> Matrix:
+    """The way back from :func:`capture_from_file`."""
+    return np.asarray(np.linalg.inv(capture_from_file(path, data)), np.float64)
+
+
+def points_beside(path: Path, data: dict[str, Any]) -> F64 | None:
+    """(M, 3) the points that a training starts from, in the capture's axes; None where none lie there that are read."""
+    from trimesh.exchange.ply import load_ply
+
+    name = Fields(path, "", data).text("ply_file_path", _POINTS)
+    try:
+        with open_binary(contained(path.parent, name, path, "ply_file_path")) as stream:
+            found = np.asarray(load_ply(stream)["vertices"], np.float64)
+    except Exception:  # trimesh raises whatever its parsing runs into
+        return None
+    m = capture_from_file(path, data)
+    return np.asarray(found @ m[:3, :3].T + m[:3, 3]) if np.isfinite(found).all() else None
 
 
 def _frames(top: Fields) -> list[Fields]:
@@ -112,9 +113,9 @@ def _picture(frame: Fields, number: int) -> str:
     return frame.text("file_path", f"frame_{number + 1:05d}")
 
 
-def _applied(top: Fields) -> Matrix:
-    """Back from the file's world to the capture's."""
-    out = np.eye(4)
+def capture_from_file(path: Path, data: dict[str, Any]) -> Matrix:
+    """The matrix (4, 4) from the file's world back to the capture's. Raises InputError."""
+    top, out = Fields(path, "", data), np.eye(4)
     if "applied_transform" in top:
         matrix = reading.rows(top, "applied_transform")
         reading.rigid(matrix, partial(top.fail, "applied_transform"))

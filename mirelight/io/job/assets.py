@@ -21,7 +21,7 @@ from mirelight.io.job.light_tables import LightUnit
 from mirelight.io.job.scene_tables import ObjectTable, ProxyTable, SplatsTable, Transform
 from mirelight.io.safety import open_binary
 from mirelight.io.suffixes import GLTF, USD
-from mirelight.model import F32, Camera, Deferred, Inserted, Light, OwnSplats, ProxyMesh, SplatCloud, SplatFile
+from mirelight.model import F32, F64, Camera, Deferred, Inserted, Light, OwnSplats, ProxyMesh, SplatCloud, SplatFile
 
 if TYPE_CHECKING:
     from mirelight.io.cameras import CameraFile
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     SceneCamera: TypeAlias = GltfCamera | UsdCamera  # of a file with a world of its own
 
+_SOLID = 0.3  # opacity of splats that tell where surfaces are
 _ASPECT = 0.02  # by which a mask's shape may differ from its camera's: sides are rounded
 
 
@@ -74,6 +75,13 @@ class Assets:
         """All splat files in world space, as one cloud."""
         known = [(self.digests[t.path], x) for t, x in zip(tables, files, strict=True)]
         return Deferred(digest_of_splats(known), partial(_cloud, files))
+
+    def centres(self, table: SplatsTable) -> F64:
+        """(N, 3) of a file's solid splats, in its own axes."""
+        from mirelight.io import splats
+
+        cloud = splats.read(self.path(table.path), lod=table.lod)
+        return cloud.means[cloud.opacities > _SOLID].astype(np.float64)
 
     def own_splats(self, tables: list[SplatsTable] | None, files: tuple[SplatFile, ...]) -> OwnSplats | None:
         """Those of one file in its own axes; None where they lie in the world as they do there, or in several."""

@@ -127,10 +127,10 @@ class CamerasFromTable(ApertureTable, ShutterTable):
         description="transforms.json, CSV: opengl: cameras look along their -Z with +Y up; opencv: along +Z with +Y "
         "down. Default: opengl.",
     )
-    world: Literal["capture", "nerfstudio"] = Field(
-        default="capture",
-        description="transforms.json, camera_path.json: what the splats are in: the capture's coordinates, or those "
-        "that nerfstudio trained and exported in.",
+    world: Literal["capture", "nerfstudio", "gsplat"] | None = Field(
+        default=None,
+        description="COLMAP, transforms.json, camera_path.json: the world that they are brought to. Default: that of "
+        "the splats.",
     )
     fps: Positive | None = Field(
         default=None, description="glTF, SuperSplat: samples the animation at this rate, in frames per second."

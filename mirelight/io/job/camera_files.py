@@ -22,17 +22,17 @@ from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.shutters import open_between
 from mirelight.io.job.words import shown_path
 from mirelight.io.suffixes import SCENES, USD
-from mirelight.model import Camera
+from mirelight.model import F64, Camera
 
 if TYPE_CHECKING:
-    from mirelight.io.cameras import FileCamera
+    from mirelight.io.cameras import CameraFile, FileCamera, World
     from mirelight.io.cameras.pictures import Picture
     from mirelight.io.job.assets import SceneCamera
 
 # The kinds of file that an option is for; the others refuse it.
 _FOR = {
     "axes": ("transforms.json", "CSV"),
-    "world": ("transforms.json", "camera_path.json"),
+    "world": ("COLMAP", "transforms.json", "camera_path.json"),
     "fps": ("glTF", "OpenUSD", "SuperSplat"),
     "frames": ("glTF", "OpenUSD", "SuperSplat"),
     "time": ("glTF", "OpenUSD"),
@@ -77,7 +77,7 @@ class FromFiles:
             return scene, (None,) * len(scene)
         file = self.files.camera_file(table.cameras)
         folder = self.files.folder / wanted if isinstance(wanted, str) else None
-        found = file.read()
+        found = file.read(world=self._world(file, None, at), centres=self._centres)
         pictures = find_all(file, found, folder) if wanted else (None,) * len(found)
         if isinstance(wanted, str) and not any(pictures):
             remedy = f"name the folder in which {shown_path(found[0].picture or 'a picture')} lies"
@@ -120,7 +120,8 @@ class FromFiles:
         file = self.files.camera_file(table.path)
         if not self._fitting(table, at, file.kind):
             return []
-        found = file.read(axes=table.axes, world=table.world, fps=table.fps, frames=table.frames)
+        world = self._world(file, table.world, at)
+        found = file.read(axes=table.axes, world=world, centres=self._centres, fps=table.fps, frames=table.frames)
         m = self._placing(table.transform or "splats", at)
         chosen = [found[i] for i in self._chosen([x.name for x in found], table, at, table.every)]
         if table.distortion == "error":
@@ -170,6 +171,22 @@ class FromFiles:
             remedy = 'give a table, or "none"; these cameras cannot follow several captures'
             self.wrong.append(Mistake((*at, "transform"), "the job's splats have different transforms", remedy))
         return placed[0]
+
+    def _world(self, file: CameraFile, wanted: World | None, at: Path) -> World:
+        """The world that a file's cameras are brought to: the wanted one, or else that of the splats, where its format
+        leads there; others lie in it as they are."""
+        known, splats = file.worlds(), {table.world for table in self.splats}
+        if wanted is not None and wanted not in known:
+            said = f"{wanted} for {shown_path(str(file.path.name))}, which is {file.kind}"
+            remedy = f"give {' or '.join(known)}"
+            self.wrong.append(Mistake((*at, "world"), said, remedy))
+            return "capture"
+        found = wanted or (splats.pop() if len(splats) == 1 else "capture")
+        return found if found in known else "capture"
+
+    def _centres(self) -> F64:
+        """(N, 3) of the first file's splats, in its own axes."""
+        return self.files.centres(self.splats[0]) if self.splats else np.zeros((0, 3))
 
     def _refuse_bent(self, cameras: list[FileCamera], table: CamerasFromTable, at: Path) -> None:
         from mirelight.io.cameras import STRAIGHT

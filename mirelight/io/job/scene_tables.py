@@ -88,6 +88,11 @@ class SplatsTable(Table):
         description="That the splats were trained in, and blend in: display-encoded, linear light, or log (ACEScct). "
         "Default: what the file says, else srgb_rec709_display.",
     )
+    world: Literal["capture", "nerfstudio", "gsplat"] = Field(
+        default="capture",
+        description="What they lie in: the coordinates of the pictures' cameras, or those that nerfstudio or gsplat "
+        "moved them to before training. Cameras of COLMAP and transforms.json are brought there.",
+    )
 
     @model_validator(mode="after")
     def _check(self) -> SplatsTable:

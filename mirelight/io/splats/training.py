@@ -1,7 +1,8 @@
 """The folder that a training of splats leaves: which of its files is the capture.
 
 INRIA's 3D Gaussian Splatting, and what is made of it, write `point_cloud/iteration_N/point_cloud.ply` and
-`cameras.json` into one folder, which their other programs are given with `-m`; gsplat writes `ply/point_cloud_N.ply`.
+`cameras.json` into one folder, which their other programs are given with `-m`; gsplat's examples write
+`ply/point_cloud_N.ply` and `cfg.yml`, which names the COLMAP project.
 """
 
 from __future__ import annotations
@@ -9,6 +10,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from mirelight.base.errors import InputError
+from mirelight.io.safety import read_bytes
+
+_SETTINGS = "cfg.yml"
+_MOST_BYTES = 1 << 20
 _LAYOUTS = ("point_cloud/iteration_*/point_cloud.ply", "ply/point_cloud_*.ply")
 
 
@@ -28,6 +34,21 @@ def folder_of(capture: Path) -> Path | None:
     iteration = capture.absolute().parent
     inside = iteration.parent.name == "point_cloud" and iteration.name.startswith("iteration_")
     return iteration.parents[1] if inside else None
+
+
+def data_of(capture: Path) -> Path | None:
+    """The project that gsplat trained a capture on, as its settings name it; None: it lies in no such training, or the
+    project is gone."""
+    training = capture.absolute().parent.parent
+    try:
+        text = read_bytes(training / _SETTINGS, _MOST_BYTES).decode()
+    except (InputError, UnicodeDecodeError):
+        return None
+    named = re.search(r"^data_dir: *['\"]?([^'\"\n]+?)['\"]? *$", text, re.MULTILINE)
+    if capture.absolute().parent.name != "ply" or named is None or named[1].replace("\\", "/").startswith("//"):
+        return None  # another machine's: to look there would sign in to it
+    found = (above / named[1] for above in (training, *training.parents))  # both are named from where it was started
+    return next((x for x in found if x.is_dir()), None)
 
 
 def _iteration(path: Path) -> int:

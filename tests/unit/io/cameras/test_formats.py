@@ -379,9 +379,3 @@ def test_names_come_from_the_pictures(tmp_path: Path) -> None:
         frame["file_path"] = name
     found = open_file(write_json(tmp_path / "transforms.json", data)).read()
     assert [c.name for c in found] == ["x_IMG 1", "y_IMG 1", "y_v1.2", "y_v1.2-2"]
-
-
-def test_nerfstudio_s_world_needs_its_transform(tmp_path: Path) -> None:
-    data = {**lens(views(1)[0]), "frames": frames(views(1), lambda v: v.opengl)}
-    with pytest.raises(InputError, match=r"no dataparser_transforms\.json beside it"):
-        open_file(write_json(tmp_path / "transforms.json", data)).read(world="nerfstudio")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mirelight.apps.first_job import beside
+from mirelight.apps.first_job import own_cameras
 from mirelight.base.errors import InputError
 from mirelight.io import splats
 from mirelight.io.cameras import open_file
@@ -67,7 +67,7 @@ def test_a_first_job_takes_it_before_what_lies_beside(tmp_path: Path) -> None:
     (view,) = views(1)
     path = written(tmp_path / "photo.ply", view)
     (tmp_path / "cameras.json").write_text("[]")
-    found, misfit = beside.cameras(path)
+    found, misfit = own_cameras.find(path, splats.read(path))
     assert found is not None and misfit is None
     assert found.path == path and len(found.cameras) == 1
 
@@ -92,6 +92,6 @@ def test_what_is_no_camera_is_a_line(tmp_path: Path, other: dict[str, Any], said
 def test_other_splats_hold_none(tmp_path: Path) -> None:
     path = tmp_path / "capture.ply"
     splats.write(cloud(), path)
-    assert beside.cameras(path) == (None, None)
+    assert own_cameras.find(path, splats.read(path)) == (None, None)
     with pytest.raises(InputError, match="splats without a camera in their file"):
         open_file(path).read()

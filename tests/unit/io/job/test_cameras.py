@@ -189,7 +189,7 @@ def test_a_lens_that_hardly_bends_is_straight(write_job: WriteJob, tmp_path: Pat
     ("option", "kind"),
     [
         ('axes = "opencv"', "COLMAP"),
-        ('world = "nerfstudio"', "COLMAP"),
+        ('world = "nerfstudio"', "glTF"),
         ("fps = 3", "COLMAP"),
         ('distortion = "ignore"', "glTF"),
     ],
@@ -200,6 +200,23 @@ def test_options_that_a_format_does_not_have(write_job: WriteJob, tmp_path: Path
     named = "proxy" if kind == "glTF" else "sparse"
     with pytest.raises(InputError, match=f"cameras_from.{name}: {name} for '{named}', which is {kind}; leave it out"):
         cameras(write_job(SCENE + f'cameras_from = {{ path = "{named}", {option} }}\n'))
+
+
+def test_a_world_that_a_format_does_not_lead_to(write_job: WriteJob, tmp_path: Path) -> None:
+    """Where cameras_from names it that is wrong; cameras of other formats lie in the splats' world as they are."""
+    frames = [{"file_path": x.name, "transform_matrix": x.opengl.tolist()} for x in views(2)]
+    data = {"camera_angle_x": 0.9, "w": 64, "h": 48, "frames": frames}
+    write_json(tmp_path / "transforms.json", data)
+    said = "cameras_from.world: gsplat for 'transforms.json', which is transforms.json; give capture or nerfstudio"
+    with pytest.raises(InputError, match=said):
+        cameras(write_job(SCENE + 'cameras_from = { path = "transforms.json", world = "gsplat" }\n'))
+    moved = SCENE.replace('splats = "splats.ply"', 'splats = { path = "splats.ply", world = "gsplat" }')
+    found = cameras(write_job(moved + 'cameras_from = "transforms.json"\n'))
+    np.testing.assert_allclose(found[1].world_from_camera, views(2)[1].opengl, atol=1e-12)
+    scaled = moved.replace("gsplat", "nerfstudio")
+    one, other = cameras(write_job(scaled + 'cameras_from = "transforms.json"\n'))
+    np.testing.assert_allclose(one.position, -other.position, atol=1e-9)  # the mean of all places is the origin there
+    assert np.abs(one.position).max() == pytest.approx(1)
 
 
 def test_several_captures_need_a_word(write_job: WriteJob, tmp_path: Path) -> None:

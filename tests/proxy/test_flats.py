@@ -41,6 +41,31 @@ def test_the_floor_is_a_plane_and_no_cut_through_the_heap_is() -> None:
     assert floor.offset == pytest.approx(0, abs=0.01)
 
 
+def rippled(x: float, high: float) -> DepthMap:
+    """A floor from above that rises and falls by `high`, in waves as long as 24 spacings."""
+    camera = Camera.look_at((x, 3, 0.1), (0, 0, 0), 160, 120, yfov=50)
+    origins, ways = rays(camera)
+    depth = -origins[..., 1] / ways[..., 1]
+    wave = 2 * np.pi / (24 * SPACING)
+    for _ in range(20):
+        at = origins + ways * depth[..., None]
+        depth = (high * np.sin(wave * at[..., 0]) * np.cos(wave * at[..., 2]) - origins[..., 1]) / ways[..., 1]
+    at = origins + ways * depth[..., None]
+    along, across = wave * at[..., 0], wave * at[..., 2]
+    slope = [-np.cos(along) * np.cos(across), np.ones_like(depth), np.sin(along) * np.sin(across)]
+    normal = np.stack([high * wave * slope[0], slope[1], high * wave * slope[2]], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    one = np.ones(depth.shape, np.float32)
+    color = np.zeros((*depth.shape, 3), np.float32)
+    return DepthMap(camera, color, one, depth.astype("f4"), normal.astype("f4"), 0 * one, one)
+
+
+def test_a_blanket_is_no_plane_and_a_rough_floor_is_one() -> None:
+    for high, planes in ((0.7, 1), (2.0, 0)):
+        seen = [rippled(x, high * SPACING) for x in (-1.0, 0.0, 1.0)]
+        assert len(flats_of(seen, SPACING, 10.0)) == planes
+
+
 def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:
     seen = view(0.0)
     left = np.arange(160) < 40

@@ -96,7 +96,9 @@ def _places(capture: Path) -> list[Path]:
     if training is not None:
         places.append(training / "cameras.json")
     data = data_of(capture)
-    return places if data is None else [*places, *(data / name for name in _NAMES)]
+    if data is None or data.is_file():
+        return places if data is None else [*places, data]
+    return [*places, *(data / name for name in (*_NAMES[:2], "colmap/sparse/0", *_NAMES[2:]))]
 
 
 def _brought(file: CameraFile, cloud: SplatCloud) -> Cameras:

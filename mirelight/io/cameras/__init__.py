@@ -148,10 +148,14 @@ class CameraFile:
         best = min(apart, key=lambda x: apart[x])
         return best if apart[best] < _CLEARLY * apart["capture"] else "capture"
 
+    def points_file(self) -> Path | None:
+        """COLMAP's file of points, by which gsplat moved its world; None where none lies beside the cameras'."""
+        return colmap.points_beside(self.files[1]) if self.kind == "COLMAP" else None
+
     def points(self) -> F64 | None:
         """(M, 3) what its pictures showed, in the capture's axes; None where nothing says. Raises InputError."""
         if self.kind == "COLMAP":
-            path = colmap.points_beside(self.files[1])
+            path = self.points_file()
             found = None if path is None else colmap.read_points(path)
         elif self.kind == "transforms.json":
             found = transforms.points_beside(self.path, self.data)

@@ -187,6 +187,11 @@ class Assets:
             self.digests |= {name: file_digest(file) for name, file in named.items()}
         return found
 
+    def points(self, file: CameraFile) -> None:
+        """Keep a digest of the points by which a file's cameras are moved, too."""
+        if (path := file.points_file()) is not None:
+            self.digests[os.path.relpath(path, self.folder)] = file_digest(path)
+
     def pictures(self, found: Sequence[Picture | None]) -> tuple[Deferred[F32] | None, ...]:
         """What a capture's cameras took, (H, W, 3) each; () where nothing is known. The job keeps one digest of all."""
         files = sorted({file for one in found if one is not None for file in one.files})

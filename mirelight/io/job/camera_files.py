@@ -182,6 +182,8 @@ class FromFiles:
             self.wrong.append(Mistake((*at, "world"), said, remedy))
             return "capture"
         found = wanted or (splats.pop() if len(splats) == 1 else "capture")
+        if found == "gsplat" and found in known:
+            self.files.points(file)
         return found if found in known else "capture"
 
     def _centres(self) -> F64:

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 from mirelight import model
 from mirelight.base.errors import InputError
 from mirelight.io.safety import open_binary, require_memory
-from mirelight.io.suffixes import GLTF, USD
+from mirelight.io.suffixes import CHECKPOINTS, GLTF, USD
 from mirelight.model import SplatFile
 
 _MOST_JSON = 256 * 2**20  # bytes of JSON that the readers read
@@ -26,7 +26,8 @@ def digest(path: Path) -> str:
     """SHA-256 (hex) of a file as `sha256sum` gives it.
 
     A file that names others (glTF its buffers and images, OBJ its material libraries and their textures, PLY its
-    texture, a stage its layers and textures, a SOG's meta.json or lod-meta.json) has the digest of the list
+    texture, a stage its layers and textures, a SOG's meta.json or lod-meta.json), and a checkpoint of several GPUs or
+    with settings beside it, has the digest of the list
     ``name NUL sha256 LF`` over all of them, in the order of the names. A folder has that of its lod-meta.json or
     meta.json, a training's that of its last iteration. Files that nothing names are not read.
 
@@ -58,7 +59,8 @@ def digest_of_all(files: Iterable[Path], root: Path) -> str:
 
 
 def companions(path: Path) -> set[Path]:
-    """The existing files, beside or below `path`, that reading it would open too; empty where it is damaged."""
+    """The existing files, of a training or beside or below `path`, that reading it would open too; empty where it is
+    damaged."""
     suffix = path.suffix.lower()
     try:
         if suffix in GLTF:
@@ -72,6 +74,10 @@ def companions(path: Path) -> set[Path]:
 
             base = path.parent.resolve()
             return {path.parent / file.relative_to(base) for file in mesh.companions(path)}
+        if suffix in CHECKPOINTS:
+            from mirelight.io.splats import checkpoint
+
+            return set(checkpoint.files(path))
         if path.name.lower() in _INDICES or suffix == ".json":
             return set(_of_splats(path))
     except (InputError, OSError):  # the reader will say what is wrong with it

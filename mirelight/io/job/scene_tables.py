@@ -73,7 +73,8 @@ class SplatsTable(Table):
     """A splat file, and how it is placed."""
 
     path: AssetPath = Field(
-        description="Splat file: .ply, .compressed.ply, .spz, .sog, SOG folder, .splat, .ksplat or .glb."
+        description="Splat file: .ply, .compressed.ply, .spz, .sog, SOG folder, .splat, .ksplat, .glb, or a training's "
+        "checkpoint: .pt, .ckpt."
     )
     transform: Transform = Field(default=Transform(), description="Places the splats in the world.")
     lod: int | None = Field(

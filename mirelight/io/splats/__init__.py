@@ -14,12 +14,23 @@ from pathlib import Path
 
 from mirelight.base.errors import InputError
 from mirelight.io.safety import existing, open_binary
-from mirelight.io.splats import compressed_ply, dot_splat, external, ksplat, ply, sog, sog_write, spz, streamed
+from mirelight.io.splats import (
+    checkpoint,
+    compressed_ply,
+    dot_splat,
+    external,
+    ksplat,
+    ply,
+    sog,
+    sog_write,
+    spz,
+    streamed,
+)
 from mirelight.io.splats.edit import merge, transform
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.ply_header import read_ply_header
 from mirelight.io.splats.training import resolved
-from mirelight.io.suffixes import CONVERTED, GLTF, SPLATS, USD
+from mirelight.io.suffixes import CHECKPOINTS, CONVERTED, GLTF, SPLATS, USD
 from mirelight.model import SplatCloud
 
 __all__ = ["SUFFIXES", "SplatFileInfo", "merge", "read", "summary", "transform", "write"]
@@ -27,8 +38,8 @@ __all__ = ["SUFFIXES", "SplatFileInfo", "merge", "read", "summary", "transform",
 SUFFIXES = (*SPLATS, ".json")  # of what can be read: a SOG may be a folder, with its meta.json
 
 _READABLE = (
-    "read are PLY, compressed PLY, SPZ, SOG, .splat, .ksplat, glTF with KHR_gaussian_splatting, OpenUSD "
-    "and lod-meta.json"
+    "read are PLY, compressed PLY, SPZ, SOG, .splat, .ksplat, glTF with KHR_gaussian_splatting, OpenUSD, "
+    "checkpoints of gsplat and nerfstudio, and lod-meta.json"
 )
 
 
@@ -140,6 +151,8 @@ def _by_content(path: Path, lod: int | None) -> _Format:
         return _Format(lambda: form.summary(path), lambda: form.read(path))
     if head[:2] == b"\x1f\x8b" or head[:4] == b"NGSP":
         return _Format(lambda: spz.summary(path), lambda: spz.read(path))
+    if head[:2] == b"PK" and suffix in CHECKPOINTS:
+        return _Format(lambda: checkpoint.summary(path), lambda: checkpoint.read(path))
     if head[:2] == b"PK":
         return _sog(sog.open_bundle(path), path)
     if head[:4] == b"glTF" or suffix in GLTF:

@@ -1,8 +1,9 @@
 """The folder that a training of splats leaves: which of its files is the capture.
 
 INRIA's 3D Gaussian Splatting, and what is made of it, write `point_cloud/iteration_N/point_cloud.ply` and
-`cameras.json` into one folder, which their other programs are given with `-m`; gsplat's examples write
-`ply/point_cloud_N.ply` and `cfg.yml`, which names the COLMAP project.
+`cameras.json` into one folder, which their other programs are given with `-m`. gsplat's examples write
+`ckpts/ckpt_N_rank0.pt`, where asked `ply/point_cloud_N.ply`, and `cfg.yml`, which names the COLMAP project; nerfstudio
+`nerfstudio_models/step-N.ckpt` and `config.yml`, which names the folder of its transforms.json.
 """
 
 from __future__ import annotations
@@ -13,9 +14,13 @@ from pathlib import Path
 from mirelight.base.errors import InputError
 from mirelight.io.safety import read_bytes
 
-_SETTINGS = "cfg.yml"
 _MOST_BYTES = 1 << 20
-_LAYOUTS = ("point_cloud/iteration_*/point_cloud.ply", "ply/point_cloud_*.ply")
+_LAYOUTS = (
+    "point_cloud/iteration_*/point_cloud.ply",
+    "ply/point_cloud_*.ply",
+    "ckpts/ckpt_*_rank0.pt",
+    "nerfstudio_models/step-*.ckpt",
+)
 
 
 def resolved(path: Path) -> Path:
@@ -37,18 +42,28 @@ def folder_of(capture: Path) -> Path | None:
 
 
 def data_of(capture: Path) -> Path | None:
-    """The project that gsplat trained a capture on, as its settings name it; None: it lies in no such training, or the
-    project is gone."""
-    training = capture.absolute().parent.parent
+    """The project that gsplat or nerfstudio trained a capture on, as its settings name it; None: it lies in no such
+    training, or the project is gone."""
+    inside = capture.absolute().parent
+    settings = {"ply": "cfg.yml", "ckpts": "cfg.yml", "nerfstudio_models": "config.yml"}.get(inside.name)
     try:
-        text = read_bytes(training / _SETTINGS, _MOST_BYTES).decode()
+        text = read_bytes(inside.parent / (settings or ""), _MOST_BYTES).decode()
     except (InputError, UnicodeDecodeError):
         return None
-    named = re.search(r"^data_dir: *['\"]?([^'\"\n]+?)['\"]? *$", text, re.MULTILINE)
-    if capture.absolute().parent.name != "ply" or named is None or named[1].replace("\\", "/").startswith("//"):
+    named = _named(text)
+    if named is None or named.replace("\\", "/").startswith("//"):
         return None  # another machine's: to look there would sign in to it
-    found = (above / named[1] for above in (training, *training.parents))  # both are named from where it was started
-    return next((x for x in found if x.is_dir()), None)
+    found = (above / named for above in inside.parents)  # both are named from where it was started
+    return next((x for x in found if x.exists()), None)
+
+
+def _named(text: str) -> str | None:
+    """The project in settings of gsplat, or of nerfstudio, which lists the parts of a path."""
+    if one := re.search(r"^data_dir: *['\"]?([^'\"\n]+?)['\"]? *$", text, re.MULTILINE):
+        return one[1]
+    if several := re.search(r"^data: .*Path\n((?:- .+\n)+)", text, re.MULTILINE):
+        return "/".join(x[2:].strip("'\" ") for x in several[1].splitlines()).replace("//", "/")
+    return None
 
 
 def _iteration(path: Path) -> int:

@@ -82,6 +82,7 @@ def originals() -> dict[str, bytes]:
         found[f"{level}.ksplat"] = ksplat_file.packed(
             [truth.cloud(20, level), truth.cloud(9, 2)], level, block=1.5, each=4
         )
+    found["g.pt"] = (truth.DATA / "ckpts/ckpt_29999_rank0.pt").read_bytes()
     found["d.spz"] = (truth.DATA / "degree4_antialiased_v4.spz").read_bytes()
     return found
 
@@ -183,6 +184,20 @@ def test_streamed_sog(change: Change, member: str) -> None:
 @given(changes())
 def test_splat(change: Change) -> None:
     fuzz("small.splat", change)
+
+
+@quiet
+@given(changes())
+def test_checkpoint(change: Change) -> None:
+    """Damage to the file, and to the pickle in an archive that is whole."""
+    fuzz("g.pt", change)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "g.pt"
+        with zipfile.ZipFile(truth.DATA / "ckpts/ckpt_29999_rank0.pt") as before, zipfile.ZipFile(path, "w") as after:
+            for member in before.infolist():
+                data = before.read(member)
+                after.writestr(member.filename, change(data) if member.filename.endswith("data.pkl") else data)
+        read_or_refuse(path)
 
 
 @quiet

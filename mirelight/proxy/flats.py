@@ -105,8 +105,28 @@ def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[F
     for k, (normal, offset, rows) in enumerate(found):
         plane = _turned_upright(points, rows, (normal, offset), square[k], tolerance)
         out.append(_seen(*plane, points, rows, spacing, low, high))
-    out = [flat for flat in out if _is_even(flat, points, tolerance)]
     return each(lambda flat: _confirmed(flat, out, views, tolerance), out)
+
+
+def even(flats: Sequence[Flat], views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:
+    """Those of planes about which little that is surely seen, and faces as they do, lies off them; and grounds that
+    rise and fall. A blanket's folds lie to both sides of any plane through them, and what is higher would stand on the
+    rest as on a table. Of a plain wall little is sure.
+
+    Args:
+        flats: the planes of what views show.
+        views: maps.
+        spacing, radius: as for :func:`flats_of`.
+    """
+    points, tolerance = Points.of(views, spacing, radius), TUNING.plane_tolerance * spacing
+
+    def lies(flat: Flat) -> bool:
+        off = np.abs(flat.off(points.at)) / tolerance
+        near = (off < TUNING.plane_near) & flat.inside(points.at)
+        aside = near & (off > 1) & (np.abs(dot(points.normal, flat.normal)) > TUNING.plane_facing)
+        return float(points.weight[aside].sum()) < TUNING.plane_uneven * float(points.weight[near].sum())
+
+    return [flat for flat in flats if flat.lift is not None or lies(flat)]
 
 
 def _planes(points: Points, tolerance: float) -> list[tuple[F64, float, Int]]:
@@ -233,16 +253,6 @@ def _seen(normal: F64, offset: float, points: Points, rows: Int, spacing: float,
     count[0] = 0
     kept = count >= max(6, 0.02 * count.max())
     return Flat(normal, offset, axes, cell, start, binary_dilation(kept[part], iterations=1))
-
-
-def _is_even(flat: Flat, points: Points, tolerance: float) -> bool:
-    """Whether little of what surely lies about a plane's cells, and faces as it does, lies off it: a blanket's folds
-    and grass lie to both sides of any plane through them; what is higher would stand on the rest as on a table. Of a
-    plain wall little is sure."""
-    off = np.abs(flat.off(points.at)) / tolerance
-    near = (off < TUNING.plane_near) & flat.inside(points.at)
-    aside = near & (off > 1) & (np.abs(dot(points.normal, flat.normal)) > TUNING.plane_facing)
-    return float(points.weight[aside].sum()) < TUNING.plane_uneven * float(points.weight[near].sum())
 
 
 def votes(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> tuple[F64, F64, F64]:

@@ -22,7 +22,7 @@ from mirelight.proxy.dents import filled
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
 from mirelight.proxy.detail import Core, core_of, others, with_core
 from mirelight.proxy.ends import ended
-from mirelight.proxy.flats import Flat, flats_of, on_flats
+from mirelight.proxy.flats import Flat, even, flats_of, on_flats
 from mirelight.proxy.fusion import Grid, fuse
 from mirelight.proxy.ground import carried_on, closer
 from mirelight.proxy.guessed import Guess, taken_from
@@ -242,6 +242,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         flats = closed_by(flats, lids)
     if sky.fog:
         flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
+    flats = even(flats, views, capture.spacing, capture.radius)
     flats, many = ended([*flats, *walls]), len(flats)
     views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3), walls=range(many, len(flats)))
     grid = fuse(views, capture.half, TUNING.cell * capture.spacing, part(report, 0.3, 0.8), up=up)
@@ -298,7 +299,8 @@ def _detailed(
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.5), guessed=guessed)
     views = each(found.sweep.moved, views)
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
-    more = others(flats_of(views, core.spacing, capture.radius), found.flats, TUNING.plane_tolerance * capture.spacing)
+    more = even(flats_of(views, core.spacing, capture.radius), views, core.spacing, capture.radius)
+    more = others(more, found.flats, TUNING.plane_tolerance * capture.spacing)
     flats = ended([*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more])
     # most pictures show all that is here: what tells no place in one, such as smooth plastic, is no sky
     views = _on_planes(views, flats, core.spacing, Sky(0.0), part(report, 0.5, 0.6))

@@ -9,7 +9,7 @@ import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Flat, flats_of, turned_outwards
+from mirelight.proxy.flats import Flat, even, flats_of, turned_outwards
 from mirelight.proxy.labels import Sky, flattened, fog_of
 from mirelight.proxy.pieces import Points
 from mirelight.proxy.squared import squared
@@ -63,7 +63,10 @@ def rippled(x: float, high: float) -> DepthMap:
 def test_a_blanket_is_no_plane_and_a_rough_floor_is_one() -> None:
     for high, planes in ((0.7, 1), (2.0, 0)):
         seen = [rippled(x, high * SPACING) for x in (-1.0, 0.0, 1.0)]
-        assert len(flats_of(seen, SPACING, 10.0)) == planes
+        found = flats_of(seen, SPACING, 10.0)
+        assert found and len(even(found, seen, SPACING, 10.0)) == planes
+        risen = [replace(x, lift=np.zeros(x.there.shape)) for x in found]
+        assert len(even(risen, seen, SPACING, 10.0)) == len(found)  # a ground is one all the same
 
 
 def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:

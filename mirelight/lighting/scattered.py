@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,9 @@ from mirelight.lighting.ground import box_round, dropped, ground_below, slope
 from mirelight.model import F64, Inserted, ProxyMesh, Scatter, shown
 
 _TRIES = 200
-_UNEVEN = 0.05  # of an object's size, that ground under its foot may rise and fall, and reach into it
+# of an object's size, that ground under its foot may rise and fall, and reach into it: where no place is as level as a
+# floor, as on a blanket or grass, twice as much, and then twice again
+_UNEVEN = (0.05, 0.1, 0.2)
 _GRID = np.array([[x, -0.5, z, 1] for x in (-0.45, 0, 0.45) for z in (-0.45, 0, 0.45)])  # of the foot, in its box
 _SIDES = np.array(
     [
@@ -57,13 +60,13 @@ def scattered(one: Inserted, place: int, ground: ProxyMesh, taken: Sequence[F64]
     middle[1] = mesh.bounds[0][1]
     size = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
     near = _near(ground, where, size)
-    for attempt in range(_TRIES):
+    for uneven, attempt in product(_UNEVEN, range(_TRIES)):
         stream = random.Random(f"{where.seed} {place} {attempt}")  # a stream that Python promises to keep
         away, around, turn = where.radius * math.sqrt(stream.random()), stream.random(), stream.random()
         yaw = conventions.rotation_from_euler((0, 360 * turn if where.turn else 0, 0))
         at = where.center + away * np.array([math.sin(2 * math.pi * around), 0, math.cos(2 * math.pi * around)])
         there = mesh.turned(yaw, (mesh.vertices - middle) @ yaw.T + at)
-        found = _fitted(one, there, yaw, near, taken)
+        found = _fitted(one, there, yaw, near, taken, uneven)
         if found is not None:
             return found
     remedy = "give scatter a larger radius or another centre, or make the object smaller"
@@ -80,14 +83,14 @@ def _near(ground: ProxyMesh, where: Scatter, size: float) -> ProxyMesh:
 
 
 def _fitted(
-    one: Inserted, mesh: ProxyMesh, yaw: F64, ground: ProxyMesh, taken: Sequence[F64]
+    one: Inserted, mesh: ProxyMesh, yaw: F64, ground: ProxyMesh, taken: Sequence[F64], uneven: float
 ) -> tuple[ProxyMesh, F64] | None:
-    """The mesh set down with its turn; None where it does not fit."""
+    """The mesh set down with its turn; None where it does not fit on ground that is so uneven, a share of its size."""
     where = one.scatter
     assert where is not None
     box, top = box_round(yaw, mesh), float(mesh.bounds[1][1])
     size = np.linalg.norm(box[:3, :3], axis=0)
-    allowed = _UNEVEN * float(size.max())
+    allowed = uneven * float(size.max())
     foot = (_GRID @ box.T)[:, :3]
     heights = ground_below(ground, foot, reach=top)
     if not np.isfinite(heights).all():

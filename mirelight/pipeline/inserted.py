@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mirelight.base.errors import InputError, RenderError
 from mirelight.base.progress import CountProgress
 from mirelight.model import F64, Camera, Inserted, Lighting, ProxyMesh, SurfaceCache
 from mirelight.model.unit_lights import LightSet
@@ -48,7 +49,12 @@ class SceneWithObjects(Prepared):
             ignored = dict.fromkeys(x for material in one.mesh.value.materials for x in material.ignored)
             if ignored:
                 self._tell(f"{one.name}: its file's {', '.join(ignored)} is not followed")
-        return inserted(self.objects, proxy)
+        try:
+            return inserted(self.objects, proxy)
+        except InputError as refused:
+            if all(x.objects is None for x in self.job.lightings):
+                raise
+            raise RenderError(str(refused)) from None  # of one draw of a sweep: others may fit
 
     @cached_property
     @for_all_frames

@@ -197,3 +197,18 @@ def test_objects_that_stand_elsewhere_in_each_frame_are_found_there(tmp_path: Pa
             seen += 1
     assert seen >= 12
     assert cli.main(["export", str(made), "--layout", "nerf", "-o", str(tmp_path / "nerf")]) == 2
+
+
+def test_a_draw_that_fits_nowhere_costs_its_own_frames_alone(
+    tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_scene(tmp_path)
+    write_glb(tmp_path / "cube.glb", read_mesh(out.parent / "cube.glb"))
+    scatter = 'name = "lamp"\nscatter = { center = [0, 0, 0], radius = 0.6 }'
+    axis = SWEPT.split("[[sweep.axes]]")[0] + '[[sweep.axes]]\nfield = "objects.lamp.transform.scale"\n'
+    text = JOB + OBJECTS.split("[dataset]")[0].replace('name = "lamp"', scatter) + axis + "values = [300, 0.4]\n"
+    (tmp_path / "job.toml").write_text(text, encoding="utf-8")
+    assert cli.main(["render", str(tmp_path / "job.toml"), "-o", str(tmp_path / "made")]) == 2
+    assert "'lamp' fits nowhere within 0.6 of (0, 0, 0)" in capsys.readouterr().err
+    made = {path.name.split(".")[1].split("-")[1] for path in (tmp_path / "made").glob("*.exr") if "day-" in path.name}
+    assert made == {"scale0p4"}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -88,6 +90,23 @@ def test_what_fits_nowhere_is_a_line() -> None:
     with pytest.raises(InputError, match=r"'box' fits nowhere within 0.5 of .* \(200 places tried\)") as refused:
         inserted([box(0, radius=0.5, size=7.0)], YARD)
     assert "\n" not in str(refused.value)
+
+
+def test_where_no_place_is_level_the_ground_may_rise_and_fall() -> None:
+    """A blanket: its folds are a sixth of the object high, and everywhere. What stands there does not reach into it."""
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-6, 6, 121), np.linspace(-6, 6, 121), indexing="ij"))
+    height = 0.15 * (np.sin(2 * np.pi * x) * np.sin(2 * np.pi * z))
+    i = np.arange(120)[:, None] * 121 + np.arange(120)
+    quads = np.stack([i, i + 1, i + 122, i + 121], axis=-1).reshape(-1, 4)
+    blanket = ProxyMesh(
+        vertices=np.stack([x, height, z], axis=1).astype(np.float32),
+        faces=np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32),
+    )
+    corners = inserted([box(2)], blanket).mesh.vertices[len(x) :]
+    assert 0 <= corners[:, 1].min() <= 0.15
+    bumpy = replace(blanket, vertices=blanket.vertices * np.array([1, 4, 1], np.float32))
+    with pytest.raises(InputError, match="fits nowhere"):
+        inserted([box(2)], bumpy)
 
 
 def test_a_slope_carries_what_lies_along_it() -> None:

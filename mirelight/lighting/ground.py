@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mirelight.base.errors import InputError
@@ -14,6 +16,41 @@ _STEEPEST = 0.7  # cosine to upright, below which objects stay as they are
 _AT_ONCE = 1 << 22  # pairs of a foot and a triangle
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """Triangles that carry things, and where they are seen from above."""
+
+    corners: F64  # (F, 3, 3)
+    low: F64  # (F, 2) along X and Z
+    high: F64
+
+    @staticmethod
+    def of(mesh: ProxyMesh) -> Ground:
+        """All of a mesh."""
+        corners = mesh.vertices[mesh.faces].astype(np.float64)
+        flat = corners[..., [0, 2]]
+        return Ground(corners, flat.min(axis=1), flat.max(axis=1))
+
+    def within(self, low: F64, high: F64) -> Ground:
+        """Those over a rectangle, its corners (2,) along X and Z."""
+        near = self.high[:, 0] >= low[0]
+        for k in (0, 1):
+            near &= (self.high[:, k] >= low[k]) & (self.low[:, k] <= high[k])
+        return Ground(self.corners[near], self.low[near], self.high[near])
+
+    def heights(self, points: F64, reach: float) -> F64:
+        """(N,) the highest Y on the vertical line through each point (N, 3), up to `reach`; -inf: none."""
+        places = points[:, [0, 2]]
+        corners = self.within(places.min(axis=0), places.max(axis=0)).corners
+        out = np.full(len(points), -np.inf)
+        step = max(_AT_ONCE // max(len(points), 1), 1)
+        for at in range(0, len(corners), step):
+            found = _heights(corners[at : at + step], places)
+            found[found > reach] = -np.inf
+            np.maximum(out, found.max(axis=1, initial=-np.inf), out=out)
+        return out
+
+
 def box_round(axes: F64, placed: ProxyMesh) -> F64:
     """(4, 4) round a mesh the least box along axes (3, 3): world from the cube of side 1 about 0."""
     own = placed.vertices.astype(np.float64) @ np.linalg.inv(axes).T
@@ -23,7 +60,7 @@ def box_round(axes: F64, placed: ProxyMesh) -> F64:
     return out
 
 
-def dropped(one: Inserted, mesh: ProxyMesh, ground: ProxyMesh) -> tuple[ProxyMesh, F64]:
+def dropped(one: Inserted, mesh: ProxyMesh, ground: Ground) -> tuple[ProxyMesh, F64]:
     """(the mesh moved along Y by the least gap between its lowest vertices and the ground under them, first turned to
     lie along that ground where that is asked for; the (3, 3) turn).
 
@@ -34,7 +71,7 @@ def dropped(one: Inserted, mesh: ProxyMesh, ground: ProxyMesh) -> tuple[ProxyMes
     height = float(high[1] - low[1])
     feet = np.unique(mesh.vertices[mesh.vertices[:, 1] <= low[1] + _FOOT * height], axis=0).astype(np.float64)
     feet = feet[np.linspace(0, len(feet) - 1, min(len(feet), _MOST_FEET)).astype(int)]
-    heights = ground_below(ground, feet, reach=float(high[1]))
+    heights = ground.heights(feet, reach=float(high[1]))
     if not np.isfinite(heights).any():
         remedy = "move it over the ground, or leave drop out"
         raise InputError(one.source, f"nothing of the proxy lies under {one.name!r} to drop it on", remedy)
@@ -42,7 +79,7 @@ def dropped(one: Inserted, mesh: ProxyMesh, ground: ProxyMesh) -> tuple[ProxyMes
     middle = feet.mean(axis=0)
     feet, vertices = ((x - middle) @ turn.T + middle for x in (feet, mesh.vertices.astype(np.float64)))
     if one.drop == "tilt":
-        heights = ground_below(ground, feet, reach=float(high[1]))
+        heights = ground.heights(feet, reach=float(high[1]))
     gaps = (feet[:, 1] - heights)[np.isfinite(heights)]
     down = float(gaps.min()) if len(gaps) else 0.0
     return mesh.turned(turn, vertices - np.array([0, down, 0])), turn
@@ -71,24 +108,9 @@ def slope(points: F64, heights: F64) -> F64:
     return np.array([a, 0.0, b])
 
 
-def ground_below(mesh: ProxyMesh, points: F64, reach: float) -> F64:
-    """(N,) the highest Y of the mesh on the vertical line through each point (N, 3), up to `reach`; -inf: none."""
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    low, high = points[:, [0, 2]].min(axis=0), points[:, [0, 2]].max(axis=0)
-    flat = corners[..., [0, 2]]
-    near = (flat.max(axis=1) >= low).all(axis=1) & (flat.min(axis=1) <= high).all(axis=1)
-    corners, flat = corners[near], flat[near]
-    out = np.full(len(points), -np.inf)
-    step = max(_AT_ONCE // max(len(points), 1), 1)
-    for at in range(0, len(corners), step):
-        found = _heights(corners[at : at + step], flat[at : at + step], points[:, [0, 2]])
-        found[found > reach] = -np.inf
-        np.maximum(out, found.max(axis=1, initial=-np.inf), out=out)
-    return out
-
-
-def _heights(corners: F64, flat: F64, at: F64) -> F64:
+def _heights(corners: F64, at: F64) -> F64:
     """(N, F) Y of each triangle over each place (N, 2); -inf where it does not lie over it."""
+    flat = corners[..., [0, 2]]
     e1, e2 = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
     area = e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]
     w = at[:, None] - flat[None, :, 0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.lighting.ground import box_round, dropped
+from mirelight.lighting.ground import Ground, box_round, dropped
 from mirelight.lighting.scattered import scattered
 from mirelight.model import F32, F64, I32, Inserted, Material, ProxyMesh
 
@@ -50,12 +50,13 @@ def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> Placed:
     """
     placed: dict[int, ProxyMesh] = {}
     boxes: dict[int, F64] = {}
+    ground = Ground.of(proxy) if any(x.drop or x.scatter for x in objects) else None
     for place, one in sorted(enumerate(objects), key=lambda x: x[1].scatter is not None):
         mesh, turn = one.mesh.value, np.eye(3)
-        if one.scatter is not None:
-            mesh, turn = scattered(one, place, proxy, tuple(boxes.values()))
-        elif one.drop:
-            mesh, turn = dropped(one, mesh, proxy)
+        if ground is not None and one.scatter is not None:
+            mesh, turn = scattered(one, place, ground, tuple(boxes.values()))
+        elif ground is not None and one.drop:
+            mesh, turn = dropped(one, mesh, ground)
         placed[place], boxes[place] = mesh, box_round(turn @ one.world_from_object[:3, :3], mesh)
     set_down = [placed[place] for place in range(len(objects))]
     counts = [len(proxy.faces), *(len(x.faces) for x in set_down)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -16,8 +17,8 @@ from numpy.typing import NDArray
 
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
-from mirelight.lighting.ground import box_round, dropped, ground_below, slope
-from mirelight.model import F64, Inserted, ProxyMesh, Scatter, shown
+from mirelight.lighting.ground import Ground, box_round, dropped, slope
+from mirelight.model import F64, Inserted, ProxyMesh, shown
 
 _TRIES = 200
 # of an object's size, that ground under its foot may rise and fall, and reach into it: where no place is as level as a
@@ -42,7 +43,16 @@ _SIDES = np.array(
 )
 
 
-def scattered(one: Inserted, place: int, ground: ProxyMesh, taken: Sequence[F64]) -> tuple[ProxyMesh, F64]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spot:
+    """A place whose ground carries the whole foot of an object."""
+
+    mesh: ProxyMesh  # over it
+    yaw: F64  # (3, 3) its turn
+    rises: float  # by how much the ground rises and falls under the foot, world units
+
+
+def scattered(one: Inserted, place: int, ground: Ground, taken: Sequence[F64]) -> tuple[ProxyMesh, F64]:
     """The mesh where it fits, and its turn (3, 3). The places that are tried depend on the seed and `place` alone.
 
     Args:
@@ -56,57 +66,61 @@ def scattered(one: Inserted, place: int, ground: ProxyMesh, taken: Sequence[F64]
     """
     where, mesh = one.scatter, one.mesh.value
     assert where is not None
-    middle = (mesh.bounds[0] + mesh.bounds[1]).astype(np.float64) / 2
-    middle[1] = mesh.bounds[0][1]
     size = float(np.linalg.norm(mesh.bounds[1] - mesh.bounds[0]))
-    near = _near(ground, where, size)
-    for uneven, attempt in product(_UNEVEN, range(_TRIES)):
-        stream = random.Random(f"{where.seed} {place} {attempt}")  # a stream that Python promises to keep
-        away, around, turn = where.radius * math.sqrt(stream.random()), stream.random(), stream.random()
-        yaw = conventions.rotation_from_euler((0, 360 * turn if where.turn else 0, 0))
-        at = where.center + away * np.array([math.sin(2 * math.pi * around), 0, math.cos(2 * math.pi * around)])
-        there = mesh.turned(yaw, (mesh.vertices - middle) @ yaw.T + at)
-        found = _fitted(one, there, yaw, near, taken, uneven)
-        if found is not None:
+    reach = where.center[[0, 2]] - where.radius - size, where.center[[0, 2]] + where.radius + size
+    near, spots = ground.within(*reach), list[_Spot]()
+    for attempt in range(_TRIES):
+        spot = _spot(one, f"{where.seed} {place} {attempt}", near)
+        if spot is not None:
+            spots.append(spot)
+            if (found := _set_down(one, spot, near, taken, _UNEVEN[0])) is not None:
+                return found
+    for uneven, spot in product(_UNEVEN[1:], spots):
+        if (found := _set_down(one, spot, near, taken, uneven)) is not None:
             return found
     remedy = "give scatter a larger radius or another centre, or make the object smaller"
     found_none = f"{one.name!r} fits nowhere within {where.radius:g} of {shown.point(where.center)}"
     raise InputError(one.source, f"{found_none} ({_TRIES} places tried)", remedy)
 
 
-def _near(ground: ProxyMesh, where: Scatter, size: float) -> ProxyMesh:
-    """What of the ground could matter, so that each try looks at little."""
-    flat = ground.vertices[ground.faces][..., [0, 2]] - where.center[[0, 2]]
-    reach = where.radius + size
-    near = (flat.max(axis=1) >= -reach).all(axis=1) & (flat.min(axis=1) <= reach).all(axis=1)
-    return ProxyMesh(vertices=ground.vertices, faces=ground.faces[near])
-
-
-def _fitted(
-    one: Inserted, mesh: ProxyMesh, yaw: F64, ground: ProxyMesh, taken: Sequence[F64], uneven: float
-) -> tuple[ProxyMesh, F64] | None:
-    """The mesh set down with its turn; None where it does not fit on ground that is so uneven, a share of its size."""
-    where = one.scatter
+def _spot(one: Inserted, drawn: str, ground: Ground) -> _Spot | None:
+    """A place that is drawn by a text; None where it has no ground."""
+    where, mesh = one.scatter, one.mesh.value
     assert where is not None
-    box, top = box_round(yaw, mesh), float(mesh.bounds[1][1])
-    size = np.linalg.norm(box[:3, :3], axis=0)
-    allowed = uneven * float(size.max())
-    foot = (_GRID @ box.T)[:, :3]
-    heights = ground_below(ground, foot, reach=top)
+    stream = random.Random(drawn)  # a stream that Python promises to keep
+    away, around, turn = where.radius * math.sqrt(stream.random()), stream.random(), stream.random()
+    yaw = conventions.rotation_from_euler((0, 360 * turn if where.turn else 0, 0))
+    at = where.center + away * np.array([math.sin(2 * math.pi * around), 0, math.cos(2 * math.pi * around)])
+    middle = (mesh.bounds[0] + mesh.bounds[1]).astype(np.float64) / 2
+    middle[1] = mesh.bounds[0][1]
+    there = mesh.turned(yaw, (mesh.vertices - middle) @ yaw.T + at)
+    foot = (_GRID @ box_round(yaw, there).T)[:, :3]
+    heights = ground.heights(foot, reach=float(there.bounds[1][1]))
     if not np.isfinite(heights).all():
         return None
     level = slope(foot, heights) if one.drop == "tilt" else np.zeros(3)
-    if np.ptp(heights - foot[:, [0, 2]] @ level[[0, 2]]) > allowed:
+    return _Spot(there, yaw, float(np.ptp(heights - foot[:, [0, 2]] @ level[[0, 2]])))
+
+
+def _set_down(
+    one: Inserted, spot: _Spot, ground: Ground, taken: Sequence[F64], uneven: float
+) -> tuple[ProxyMesh, F64] | None:
+    """The mesh set down with its turn; None where it does not fit on ground that is so uneven, a share of its size."""
+    assert one.scatter is not None
+    size = np.linalg.norm(box_round(spot.yaw, spot.mesh)[:3, :3], axis=0)
+    allowed = uneven * float(size.max())
+    if spot.rises > allowed:
         return None
-    mesh, tilt = dropped(one, mesh, ground)
-    turn = tilt @ yaw
+    mesh, tilt = dropped(one, spot.mesh, ground)
+    turn = tilt @ spot.yaw
     box = box_round(turn, mesh)
     clear = _raised(box, min(allowed / max(float(size[1]), 1e-9), 0.5))
-    if _touches(clear, ground.vertices[ground.faces].astype(np.float64)):
+    flat = conventions.box_corners(clear)[:, [0, 2]]
+    if _touches(clear, ground.within(flat.min(axis=0), flat.max(axis=0)).corners):
         return None
     if any(_touches(box, _sides(other)) or _touches(other, _sides(box)) for other in taken):
         return None
-    eye = where.center + np.array([0, size[1], 0])
+    eye = one.scatter.center + np.array([0, size[1], 0])
     top_middle = (box @ np.array([0, 0.5, 0, 1]))[:3]
     return None if _hidden(eye, top_middle, ground) else (mesh, turn)
 
@@ -140,10 +154,9 @@ def _touches(box: F64, corners: F64) -> bool:
     return bool((~parted.any(axis=1)).any())
 
 
-def _hidden(eye: F64, to: F64, ground: ProxyMesh) -> bool:
+def _hidden(eye: F64, to: F64, ground: Ground) -> bool:
     """Whether something of the ground lies between two points (Möller and Trumbore 1997)."""
-    corners = ground.vertices[ground.faces].astype(np.float64)
-    way = to - eye
+    corners, way = ground.corners, to - eye
     e1, e2, off = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], eye - corners[:, 0]
     p, q = np.cross(way, e2), np.cross(off, e1)
     with np.errstate(divide="ignore", invalid="ignore"):

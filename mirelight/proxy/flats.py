@@ -124,7 +124,8 @@ def even(flats: Sequence[Flat], views: Sequence[DepthMap], spacing: float, radiu
         off = np.abs(flat.off(points.at)) / tolerance
         near = (off < TUNING.plane_near) & flat.inside(points.at)
         aside = near & (off > 1) & (np.abs(dot(points.normal, flat.normal)) > TUNING.plane_facing)
-        return float(points.weight[aside].sum()) < TUNING.plane_uneven * float(points.weight[near].sum())
+        known = float(np.sqrt(points.weight[near].sum() * near.sum()))  # between what is sure and all that is there
+        return float(points.weight[aside].sum()) < TUNING.plane_uneven * known
 
     return [flat for flat in flats if flat.lift is not None or lies(flat)]
 

@@ -68,9 +68,9 @@ class Tuning:
     plane_large: int = 600  # cells: what is larger and lies in a plane is one, as a ceiling, of which 0.87 goes on
     plane_beside: float = 3.0  # tolerances: how far from a plane its points have little beside them
     plane_alone: float = 0.25  # of the points there: walls and tops hold 0.25 to 0.9, slices of bushes 0.1 to 0.24
-    # of what is near its cells, that faces as it does and lies off it: walls and floors to 0.28, a blanket 0.41 to
-    # 0.46, grass that rises and falls 0.37
-    plane_uneven: float = 0.35
+    # of what is near its cells, that surely lies off it and faces as it does: walls and floors to 0.2, a blanket 0.27
+    # to 0.31, grass that rises and falls 0.22
+    plane_uneven: float = 0.245
     plane_near: float = 4.0  # tolerances
     plane_facing: float = 0.8  # cosine
     plane_most: int = 24  # planes

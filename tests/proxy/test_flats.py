@@ -61,7 +61,7 @@ def rippled(x: float, high: float) -> DepthMap:
 
 
 def test_a_blanket_is_no_plane_and_a_rough_floor_is_one() -> None:
-    for high, planes in ((0.7, 1), (2.0, 0)):
+    for high, planes in ((0.7, 1), (3.0, 0)):
         seen = [rippled(x, high * SPACING) for x in (-1.0, 0.0, 1.0)]
         found = flats_of(seen, SPACING, 10.0)
         assert found and len(even(found, seen, SPACING, 10.0)) == planes

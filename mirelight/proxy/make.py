@@ -219,7 +219,7 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     if mirrors := mirrors_of(views, flats, capture.spacing):
         views = each(lambda view: covered(view, mirrors.values(), capture.spacing), views)
         flats = closed_by(flats, mirrors)
-    room = None if guessed else room_of(views, flats, up)
+    room = None if guessed else room_of(views, even(flats, views, capture.spacing, capture.radius), up)
     walls = room.flats(views, capture.spacing) if room else list[Flat]()
     level = room is None or room.is_shown_level(views)
     looked = each(room.shone, views) if room else views

@@ -117,6 +117,9 @@ class Tuning:
     # of unsure pixels, that others show alike in their place rather than in their direction: above the horizon 0.81 to
     # 0.93 in rooms, beneath skies 0.58 to 0.7; of all that rays leave for past the floor 0.7 to 0.93 in rooms
     wall_nearer: tuple[float, float] = (0.75, 0.6)
+    # of all of those, from which it is a room whatever is above the horizon: 0.78 and 0.81 before plain walls that few
+    # pictures show high up, 0.68 and 0.69 beneath skies
+    wall_nearest: float = 0.74
     wall_degrees: float = 3.0  # of the solid angles that are compared
     wall_alike: float = 0.2  # display values, summed over channels: what differs less from a wall is on it
     wall_white: tuple[float, float] = (0.7, 1.05)  # of the way to a wall: what is white from here to there is behind it

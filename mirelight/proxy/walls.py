@@ -253,19 +253,19 @@ def _is_closed(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> 
     What is far away, and a sky most of all, has one in one direction."""
     rows = np.concatenate(each(lambda k: _beyond(room, views[k], flats, k), range(len(views))))
     total = sum(int((view.alpha > TUNING.depth_opaque).sum()) for view in views)
-    above = rows[:, 1] > 0
-    if above.sum() * TUNING.wall_step**2 > TUNING.wall_sky * total and not _is_near(rows[above], TUNING.wall_nearer[0]):
-        return False
-    return _is_near(rows, TUNING.wall_nearer[1])
+    above, nearer = rows[:, 1] > 0, _nearer(rows)
+    if above.sum() * TUNING.wall_step**2 > TUNING.wall_sky * total and nearer < TUNING.wall_nearest:
+        return min(nearer / TUNING.wall_nearer[1], _nearer(rows[above]) / TUNING.wall_nearer[0]) > 1
+    return nearer > TUNING.wall_nearer[1]
 
 
-def _is_near(rows: F64, least: float) -> bool:
-    """Whether so many rows of :func:`_beyond` differ less from what other pictures show in their place than from what
-    these show in their direction."""
+def _nearer(rows: F64) -> float:
+    """The share of rows of :func:`_beyond` that differ less from what other pictures show in their place than from what
+    these show in their direction; 0 where none can be told."""
     colors, of = rows[:, 6:9], rows[:, 9].astype(np.int64)
     by_place, by_way = _differing(rows[:, 3:6], colors, of), _differing(rows[:, :3], colors, of)
     told = np.isfinite(by_place) & np.isfinite(by_way)
-    return bool(told.any() and (by_place < by_way)[told].mean() > least)
+    return float((by_place < by_way)[told].mean()) if told.any() else 0.0
 
 
 def _beyond(room: Room, view: DepthMap, flats: Sequence[Flat], k: int) -> F64:

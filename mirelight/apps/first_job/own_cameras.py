@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirelight.apps.first_job.beside import Misfit, why
+from mirelight.apps.first_job.pictured import alike
 from mirelight.base import conventions
-from mirelight.base.errors import InputError
-from mirelight.io.splats.training import data_of, folder_of
+from mirelight.base.errors import InputError, printable
+from mirelight.io.cameras import DATAPARSER, worlds
+from mirelight.io.cameras.pictures import find_all
+from mirelight.io.splats.training import NERFSTUDIO, data_of, folder_of
 from mirelight.model import F64, Camera, Deferred, SplatCloud, SplatLayer
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mirelight.io.cameras import CameraFile, FileCamera, World
 
 _NAMES = ("sparse/0", "sparse", "transforms.json", "cameras.json")
@@ -22,6 +27,7 @@ _POINTS = 5_000
 _SHARE = 0.002  # of the splats, that a camera of theirs has in its picture at the least
 _LOOKED_AT = 20  # cameras
 _SIZE = (960, 540)  # pixels of cameras whose file gives none
+_CLEARLY = 0.2  # more alike are pictures in the right world: 0.5 to 0.7, in others 0 to 0.1
 _SOLID = 0.3  # opacity of splats that tell where surfaces are
 
 
@@ -46,7 +52,6 @@ class Cameras:
             turn: (3, 3) rotation from the splats' axes to the world.
         """
         from mirelight.io.cameras import open_file
-        from mirelight.io.cameras.pictures import find_all
         from mirelight.proxy.capture_views import capture_views
 
         pictures = find_all(open_file(self.path), self.cameras)
@@ -76,14 +81,14 @@ def find(capture: Path, cloud: SplatCloud, given: Path | None = None) -> tuple[C
 
     if given is not None:
         file = open_file(given)
-        return _brought(file, cloud), None
+        return _brought(file, capture, cloud), None
     if one_picture.is_of(capture):
         return Cameras(capture, open_file(capture).read()), None
     misfit: Misfit | None = None
     for path in _places(capture):
         if path.exists():
             try:
-                return _brought(open_file(path), cloud), None
+                return _brought(open_file(path), capture, cloud), None
             except InputError as refused:
                 misfit = misfit or Misfit(path, why(refused), "a camera is placed without")
     return None, misfit
@@ -101,14 +106,44 @@ def _places(capture: Path) -> list[Path]:
     return [*places, *(data / name for name in (*_NAMES[:2], "colmap/sparse/0", *_NAMES[2:]))]
 
 
-def _brought(file: CameraFile, cloud: SplatCloud) -> Cameras:
+def _brought(file: CameraFile, capture: Path, cloud: SplatCloud) -> Cameras:
     """A file's cameras in the splats' world, which what their pictures showed tells, or else what they see."""
     centres = _solid(cloud)
-    world = file.world_of(file.read(), centres)
-    if world is not None:
+
+    def in_world(world: World) -> Cameras:
         return Cameras(file.path, file.read(world=world, centres=lambda: centres), world)
-    tried = [Cameras(file.path, file.read(world=x), x) for x in file.worlds() if x != "gsplat"]
-    return next((x for x in tried if look_at(x, cloud)), tried[0])
+
+    plain = in_world("capture")
+    world = file.world_of(plain.cameras, centres) or _by_nerfstudio(file, capture, plain.cameras)
+    if world is not None:
+        return in_world(world)
+    tried = [plain, *(in_world(x) for x in file.worlds() if x == "nerfstudio")]
+    if len(tried) == 1:
+        return plain
+    pictures = find_all(file, plain.cameras)
+    shown = [alike(x.cameras, pictures, cloud) or 0.0 for x in tried]
+    if max(shown) - min(shown) > _CLEARLY:
+        return tried[int(np.argmax(shown))]
+    return next((x for x in tried if look_at(x, cloud)), plain)
+
+
+def _by_nerfstudio(file: CameraFile, capture: Path, cameras: Sequence[FileCamera]) -> World | None:
+    """nerfstudio's world where a capture lies in a training of its, and moved by its defaults.
+
+    Raises:
+        InputError: the training moved it otherwise.
+    """
+    said = capture.absolute().parent.parent / DATAPARSER
+    if capture.absolute().parent.name != NERFSTUDIO or "nerfstudio" not in file.worlds():
+        return None
+    if file.dataparser is None and said.is_file():
+        own, ours = worlds.said_by_nerfstudio(said), file.to_world(cameras, "nerfstudio", None)
+        if not np.allclose(own, ours, atol=1e-3 * np.abs(own).max()):
+            found = (
+                f"nerfstudio moved its world by other rules than its defaults: copy {printable(str(said))} beside it"
+            )
+            raise InputError(file.path, found, "then run this again")
+    return "nerfstudio"
 
 
 def around(found: Cameras, cloud: SplatCloud) -> bool:

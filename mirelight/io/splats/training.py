@@ -14,12 +14,13 @@ from pathlib import Path
 from mirelight.base.errors import InputError
 from mirelight.io.safety import read_bytes
 
+NERFSTUDIO = "nerfstudio_models"  # the folder of its checkpoints
 _MOST_BYTES = 1 << 20
 _LAYOUTS = (
     "point_cloud/iteration_*/point_cloud.ply",
     "ply/point_cloud_*.ply",
     "ckpts/ckpt_*_rank0.pt",
-    "nerfstudio_models/step-*.ckpt",
+    f"{NERFSTUDIO}/step-*.ckpt",
 )
 
 
@@ -45,7 +46,7 @@ def data_of(capture: Path) -> Path | None:
     """The project that gsplat or nerfstudio trained a capture on, as its settings name it; None: it lies in no such
     training, or the project is gone."""
     inside = capture.absolute().parent
-    settings = {"ply": "cfg.yml", "ckpts": "cfg.yml", "nerfstudio_models": "config.yml"}.get(inside.name)
+    settings = {"ply": "cfg.yml", "ckpts": "cfg.yml", NERFSTUDIO: "config.yml"}.get(inside.name)
     try:
         text = read_bytes(inside.parent / (settings or ""), _MOST_BYTES).decode()
     except (InputError, UnicodeDecodeError):

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Matrix = NDArray[np.float64]
 
+_PARALLEL = 1e-6  # sine of an angle between two directions that are one
 _UNIT = 5e-16  # so near to 1 is the length of a vector that was scaled to 1
 
 
@@ -124,6 +125,20 @@ def pose_at(poses: ArrayLike, at: float) -> Matrix:
     first, second = (quaternion_from_rotation(x[:3, :3]) for x in every[k : k + 2])
     turn = rotation_from_quaternion(slerp(first, second, t))
     return compose((1 - t) * every[k, :3, 3] + t * every[k + 1, :3, 3], turn)
+
+
+def turn_onto(one: ArrayLike, other: ArrayLike) -> Matrix:
+    """(3, 3) the shortest rotation of a direction (3,) onto another, of any lengths (Rodrigues' formula); of opposite
+    ones half a turn about an axis across them."""
+    one, other = unit(one), unit(other)
+    axis, cosine = np.cross(one, other), float(one @ other)
+    if np.linalg.norm(axis) < _PARALLEL:
+        if cosine > 0:
+            return np.eye(3)
+        about = unit(np.cross(one, (1.0, 0, 0) if abs(one[0]) < _PARALLEL else (0, 1.0, 0)))
+        return np.asarray(2 * np.outer(about, about) - np.eye(3))
+    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + cosine))
 
 
 def rotation_from_euler(degrees: ArrayLike) -> Matrix:

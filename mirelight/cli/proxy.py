@@ -129,7 +129,7 @@ def _made(
     from mirelight.proxy import ProxySettings, judge, make, register
     from mirelight.proxy.judge import seen_by
 
-    cameras = _cameras(args.cameras, cloud) if args.cameras is not None else ()
+    cameras = _cameras(args.cameras, Path(args.splats), cloud) if args.cameras is not None else ()
     if args.fit is None:
         settings = ProxySettings(triangles=args.triangles, ceiling=not args.no_ceiling)
         guess = partial(guessed_of_file, Path(args.splats), lambda: cloud)
@@ -156,7 +156,7 @@ def _made(
     )
 
 
-def _cameras(path: str, cloud: SplatCloud) -> list[Camera]:
+def _cameras(path: str, capture: Path, cloud: SplatCloud) -> list[Camera]:
     """Of a file, in the splats' world."""
     if path.lower().endswith(GLTF):
         from mirelight.io.gltf.scene import read_cameras
@@ -164,8 +164,9 @@ def _cameras(path: str, cloud: SplatCloud) -> list[Camera]:
         found = [x.to_camera(*_SIZE) for x in read_cameras(Path(path))]
     else:
         from mirelight.apps.first_job import own_cameras
+        from mirelight.io.splats.training import resolved
 
-        brought, _ = own_cameras.find(Path(path), cloud, Path(path))
+        brought, _ = own_cameras.find(resolved(capture), cloud, Path(path))
         found = [x.to_camera(x.size(_SIZE)) for x in brought.cameras] if brought is not None else []
     if not found:
         raise InputError(path, "no cameras", "give the capture's cameras, or leave --cameras out")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.model import F64, Inserted, ProxyMesh
 
@@ -96,9 +97,7 @@ def _along(feet: F64, heights: F64) -> F64:
     up = np.array([-a, 1.0, -b]) / np.sqrt(1 + a * a + b * b)
     if up[1] < _STEEPEST:
         return np.eye(3)
-    axis = np.array([up[2], 0.0, -up[0]])  # of the least turn from +Y to there
-    cross = np.array([[0, -axis[2], 0], [axis[2], 0, -axis[0]], [0, axis[0], 0]])
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1 + up[1]))
+    return conventions.turn_onto((0, 1, 0), up)
 
 
 def slope(points: F64, heights: F64) -> F64:

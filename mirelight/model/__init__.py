@@ -33,7 +33,7 @@ from mirelight.model.profiles import PROFILES, Profile, ProfileRules, RelightMod
 from mirelight.model.recipe import OwnSplats, ProxyRecipe
 from mirelight.model.relight_settings import RelightSettings
 from mirelight.model.results import Frame, LightingBuffer, LightLayer, Matte, Provenance, SplatLayer
-from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, Wrap, Wraps
+from mirelight.model.scene import Material, ProxyMesh, SplatCloud, SplatColorSpace, SplatFile, SplatWorld, Wrap, Wraps
 from mirelight.model.settings import (
     Backdrop,
     CompositorSettings,
@@ -118,6 +118,7 @@ __all__ = [
     "SplatFile",
     "SplatLayer",
     "SplatRules",
+    "SplatWorld",
     "SpotLight",
     "SunLight",
     "SurfaceCache",

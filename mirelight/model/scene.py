@@ -17,6 +17,8 @@ _COARSEST = 1e-4  # of a capture's size: the step between its numbers (at 2e-4 f
 _SAMPLE = 20_000  # splats that are looked at
 # As KHR_gaussian_splatting has them, and the log encoding of ACES, for which no format of splats has a word.
 SplatColorSpace: TypeAlias = Literal["srgb_rec709_display", "lin_rec709_display", "ACEScct"]
+SplatWorld: TypeAlias = Literal["capture", "nerfstudio", "gsplat"]  # of the pictures' cameras, or as a trainer moved it
+_OPAQUE = 0.3  # opacity from which a splat tells where a surface is
 SOLID = 0.02  # opacity below which a splat shows too little to be part of a surface
 
 
@@ -54,6 +56,11 @@ class SplatCloud(ArrayHolder):
     def sh_degree(self) -> int:
         """Degree of the spherical harmonics, 0 to 3."""
         return round(float(self.sh.shape[1] ** 0.5)) - 1
+
+    @property
+    def opaque(self) -> NDArray[np.bool_]:
+        """(N,) which splats tell where surfaces are: those that are no haze."""
+        return np.asarray(self.opacities > _OPAQUE)
 
     def light(self, shown: F32) -> F32:
         """(..., 3) linear light of colours (..., 3) in the splats' space."""

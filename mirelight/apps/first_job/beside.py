@@ -172,7 +172,7 @@ def _fit(cloud: SplatCloud, mesh: ProxyMesh, turn: F64) -> _Fit:
 
     from mirelight.proxy.sampling import spread
 
-    solid = cloud.means[cloud.opacities > 0.3].astype(np.float64)
+    solid = cloud.means[cloud.opaque].astype(np.float64)
     if len(solid) < _FEWEST:
         return _Fit(0.0, f"too few splats show to tell ({len(solid)})")
     means = solid[:: max(1, len(solid) // _POINTS)] @ turn.T

@@ -17,8 +17,7 @@ from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
 from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.estimate.tuning import TUNING
-from mirelight.io.cameras import World
-from mirelight.model import Camera, SplatCloud
+from mirelight.model import Camera, SplatCloud, SplatWorld
 from mirelight.pipeline.guesses import guessed_of_file
 from mirelight.proxy import views
 from mirelight.proxy.one_picture import takers
@@ -168,7 +167,7 @@ def _up(cloud: SplatCloud, found: up.Up) -> str:
     return f"{len(cloud):,} splats{lost}. Up, which is +Y in a job: {found.why}."
 
 
-def _splats(capture: Path, which_way: str, found: up.Up, world: World, named: Names) -> Iterator[str]:
+def _splats(capture: Path, which_way: str, found: up.Up, world: SplatWorld, named: Names) -> Iterator[str]:
     yield ""
     yield f"# {which_way}"
     if found.guessed:

@@ -15,12 +15,12 @@ from mirelight.base.errors import InputError, printable
 from mirelight.io.cameras import DATAPARSER, worlds
 from mirelight.io.cameras.pictures import find_all
 from mirelight.io.splats.training import NERFSTUDIO, data_of, folder_of
-from mirelight.model import F64, Camera, Deferred, SplatCloud, SplatLayer
+from mirelight.model import F64, Camera, Deferred, SplatCloud, SplatLayer, SplatWorld
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mirelight.io.cameras import CameraFile, FileCamera, World
+    from mirelight.io.cameras import CameraFile, FileCamera
 
 _NAMES = ("sparse/0", "sparse", "transforms.json", "cameras.json")
 _POINTS = 5_000
@@ -28,7 +28,6 @@ _SHARE = 0.002  # of the splats, that a camera of theirs has in its picture at t
 _LOOKED_AT = 20  # cameras
 _SIZE = (960, 540)  # pixels of cameras whose file gives none
 _CLEARLY = 0.2  # more alike are pictures in the right world: 0.5 to 0.7, in others 0 to 0.1
-_SOLID = 0.3  # opacity of splats that tell where surfaces are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +36,7 @@ class Cameras:
 
     path: Path
     cameras: tuple[FileCamera, ...]  # at least one
-    world: World = "capture"  # that they were brought to
+    world: SplatWorld = "capture"  # that they were brought to
 
     def placed(self, turn: F64) -> tuple[Camera, ...]:
         """The cameras in the world, as pinholes: `turn` (3, 3) is from the splats' axes to the world."""
@@ -108,9 +107,9 @@ def _places(capture: Path) -> list[Path]:
 
 def _brought(file: CameraFile, capture: Path, cloud: SplatCloud) -> Cameras:
     """A file's cameras in the splats' world, which what their pictures showed tells, or else what they see."""
-    centres = _solid(cloud)
+    centres = cloud.means[cloud.opaque].astype(np.float64)
 
-    def in_world(world: World) -> Cameras:
+    def in_world(world: SplatWorld) -> Cameras:
         return Cameras(file.path, file.read(world=world, centres=lambda: centres), world)
 
     plain = in_world("capture")
@@ -127,7 +126,7 @@ def _brought(file: CameraFile, capture: Path, cloud: SplatCloud) -> Cameras:
     return next((x for x in tried if look_at(x, cloud)), plain)
 
 
-def _by_nerfstudio(file: CameraFile, capture: Path, cameras: Sequence[FileCamera]) -> World | None:
+def _by_nerfstudio(file: CameraFile, capture: Path, cameras: Sequence[FileCamera]) -> SplatWorld | None:
     """nerfstudio's world where a capture lies in a training of its, and moved by its defaults.
 
     Raises:
@@ -168,7 +167,7 @@ def look_at(found: Cameras, cloud: SplatCloud) -> bool:
         found: the cameras.
         cloud: as the file has it.
     """
-    solid = _solid(cloud)
+    solid = cloud.means[cloud.opaque].astype(np.float64)
     means = solid[:: max(1, len(solid) // _POINTS)]
     sees = []
     for one in found.cameras[:: -(-len(found.cameras) // _LOOKED_AT)]:
@@ -179,8 +178,3 @@ def look_at(found: Cameras, cloud: SplatCloud) -> bool:
         y = np.abs(local[:, 1] / away * camera.fy) < camera.height / 2
         sees.append(bool((x & y & (local[:, 2] < 0)).sum() > _SHARE * len(means)))
     return float(np.mean(sees)) > 0.5
-
-
-def _solid(cloud: SplatCloud) -> F64:
-    """(N, 3) where splats are that show."""
-    return cloud.means[cloud.opacities > _SOLID].astype(np.float64)

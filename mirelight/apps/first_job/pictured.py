@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 _LOOKED_AT = 6  # pictures
 _ROWS, _COLUMNS = 24, 32  # of coarse pixels
 _FEWEST = 50  # of them, in which there are splats
-_SOLID = 0.3  # opacity of splats that tell where surfaces are
 
 
 def alike(cameras: Sequence[FileCamera], pictures: Sequence[Picture | None], cloud: SplatCloud) -> float | None:
@@ -35,7 +34,7 @@ def alike(cameras: Sequence[FileCamera], pictures: Sequence[Picture | None], clo
     taken = [(one, picture) for one, picture in zip(cameras, pictures, strict=True) if picture is not None]
     if not taken:
         return None
-    solid = cloud.opacities > _SOLID
+    solid = cloud.opaque
     means = cloud.means[solid].astype(np.float64)
     bright = colour.luminance(np.clip(cloud.sh[solid, 0] * C0 + 0.5, 0, 1))
     found = []

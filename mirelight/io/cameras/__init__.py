@@ -30,9 +30,8 @@ from mirelight.io.cameras import (
 )
 from mirelight.io.cameras.placed import STRAIGHT, Angle, Distortion, FileCamera, Intrinsics
 from mirelight.io.cameras.transforms import Axes
-from mirelight.io.cameras.worlds import World
 from mirelight.io.safety import existing, open_binary
-from mirelight.model import F64
+from mirelight.model import F64, SplatWorld
 
 __all__ = [
     "STRAIGHT",
@@ -43,7 +42,6 @@ __all__ = [
     "FileCamera",
     "Intrinsics",
     "Kind",
-    "World",
     "open_file",
 ]
 
@@ -87,7 +85,7 @@ class CameraFile:
         self,
         *,
         axes: Axes | None = None,
-        world: World = "capture",
+        world: SplatWorld = "capture",
         centres: Centres | None = None,
         fps: float | None = None,
         frames: int | None = None,
@@ -125,13 +123,13 @@ class CameraFile:
             case "SHARP":
                 return one_picture.read(self.path)
 
-    def worlds(self) -> tuple[World, ...]:
+    def worlds(self) -> tuple[SplatWorld, ...]:
         """The worlds that its cameras can be brought to."""
         if self.kind == "COLMAP":
             return ("capture", "nerfstudio", "gsplat")
         return ("capture", "nerfstudio") if self.kind in ("transforms.json", "camera_path.json") else ("capture",)
 
-    def world_of(self, cameras: Sequence[FileCamera], centres: F64) -> World | None:
+    def world_of(self, cameras: Sequence[FileCamera], centres: F64) -> SplatWorld | None:
         """The world in which what the pictures showed lies nearest to splats; None where no points tell it.
 
         Args:
@@ -144,7 +142,8 @@ class CameraFile:
         points = self.points()
         if points is None or not len(centres):
             return None
-        apart = {x: worlds.apart(points, self.to_world(cameras, x, lambda: centres), centres) for x in self.worlds()}
+        there = {x: self.to_world(cameras, x, lambda: centres, points) for x in self.worlds()}
+        apart = {x: worlds.apart(points, m, centres) for x, m in there.items()}
         best = min(apart, key=lambda x: apart[x])
         return best if apart[best] < _CLEARLY * apart["capture"] else "capture"
 
@@ -163,19 +162,22 @@ class CameraFile:
             return None
         return found if found is not None and len(found) >= _FEWEST_POINTS else None
 
-    def to_world(self, cameras: Sequence[FileCamera], world: World, centres: Centres | None) -> Matrix:
+    def to_world(
+        self, cameras: Sequence[FileCamera], world: SplatWorld, centres: Centres | None, points: F64 | None = None
+    ) -> Matrix:
         """The matrix (4, 4) from the capture's axes to a world.
 
         Args:
             cameras: all of the file, in the capture's axes.
             world: one of :meth:`worlds`.
             centres: see :meth:`read`.
+            points: (M, 3) :meth:`points`, where they were read already.
 
         Raises:
             InputError: what leads there is not there.
         """
         if world == "gsplat":
-            points = self.points()
+            points = self.points() if points is None else points
             if points is None or centres is None:
                 found, remedy = "no points3D beside it, by which gsplat moved its world", "copy it from the same model"
                 raise InputError(self.path, found, remedy)
@@ -189,7 +191,7 @@ class CameraFile:
         return np.eye(4)
 
     def _trained(
-        self, cameras: tuple[FileCamera, ...], world: World, centres: Centres | None
+        self, cameras: tuple[FileCamera, ...], world: SplatWorld, centres: Centres | None
     ) -> tuple[FileCamera, ...]:
         if world == "capture":
             return cameras

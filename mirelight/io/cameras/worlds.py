@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
@@ -26,10 +27,7 @@ if TYPE_CHECKING:
 
     from mirelight.io.cameras.placed import FileCamera
 
-World = Literal["capture", "nerfstudio", "gsplat"]
-
 COLMAP_TO_NERFSTUDIO = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # -Y, which is up, to +Z
-_PARALLEL = 1e-6  # sine of an angle between two directions that are one
 _POINTS = 2_000  # of a model that are compared with splats
 _CENTRES = 200_000  # of splats that they are compared with
 # Eigenvectors have no sign: of the turns that keep axes axes, gsplat's is the one by which points meet splats.
@@ -44,7 +42,7 @@ def of_nerfstudio(cameras: Sequence[FileCamera], read: Matrix) -> Matrix:
         read: (4, 4) from the capture to the axes that nerfstudio reads it in.
     """
     poses = read @ np.stack([x.world_from_camera for x in cameras])
-    turn = _onto(poses[:, :3, 1].mean(axis=0), np.array([0.0, 0.0, 1.0]))
+    turn = conventions.turn_onto(_up(poses), (0, 0, 1))
     middle = poses[:, :3, 3].mean(axis=0)
     scale = 1 / max(float(np.abs((poses[:, :3, 3] - middle) @ turn.T).max()), 1e-12)
     return np.asarray(_similarity(scale * turn, -scale * turn @ middle) @ read)
@@ -73,7 +71,7 @@ def of_gsplat(cameras: Sequence[FileCamera], points: F64, centres: F64) -> Matri
         centres: (N, 3) of the splats, which tell the signs that the points' axes have.
     """
     poses = np.stack([x.world_from_camera for x in cameras])
-    turn = _onto(poses[:, :3, 1].mean(axis=0), np.array([0.0, -1.0, 0.0]))
+    turn = conventions.turn_onto(_up(poses), (0, -1, 0))
     places, ahead = poses[:, :3, 3] @ turn.T, -poses[:, :3, 2] @ turn.T
     nearest = places - np.einsum("ni,ni->n", places, ahead)[:, None] * ahead  # to the origin, of what each looks at
     middle = np.median(nearest, axis=0)
@@ -105,20 +103,10 @@ def apart(points: F64, matrix: Matrix, centres: F64) -> float:
     return float(np.median(away)) / max(spread, 1e-12)
 
 
-def _onto(one: F64, other: F64) -> F64:
-    """(3, 3) the shortest rotation of a direction (3,) onto another, of length 1; both trainers take half a turn about
-    some axis of opposite ones."""
-    one = one / max(float(np.linalg.norm(one)), 1e-12)
-    axis, cosine = np.cross(one, other), float(one @ other)
-    if np.linalg.norm(axis) < _PARALLEL:
-        if cosine > 0:
-            return np.eye(3)
-        across = np.array([1.0, 0, 0]) if abs(one[0]) < _PARALLEL else np.array([0, 1.0, 0])
-        about = np.cross(one, across)
-        about /= np.linalg.norm(about)
-        return np.asarray(2 * np.outer(about, about) - np.eye(3))
-    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + cosine))
+def _up(poses: F64) -> F64:
+    """(3,) the mean of the cameras' ups, of poses (N, 4, 4); that of the first where it is nothing."""
+    mean = poses[:, :3, 1].mean(axis=0)
+    return np.asarray(mean if np.linalg.norm(mean) > 1e-9 else poses[0, :3, 1])
 
 
 def _similarity(linear: F64, moved: F64) -> Matrix:

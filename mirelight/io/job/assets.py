@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     SceneCamera: TypeAlias = GltfCamera | UsdCamera  # of a file with a world of its own
 
-_SOLID = 0.3  # opacity of splats that tell where surfaces are
 _ASPECT = 0.02  # by which a mask's shape may differ from its camera's: sides are rounded
 
 
@@ -81,7 +80,7 @@ class Assets:
         from mirelight.io import splats
 
         cloud = splats.read(self.path(table.path), lod=table.lod)
-        return cloud.means[cloud.opacities > _SOLID].astype(np.float64)
+        return cloud.means[cloud.opaque].astype(np.float64)
 
     def own_splats(self, tables: list[SplatsTable] | None, files: tuple[SplatFile, ...]) -> OwnSplats | None:
         """Those of one file in its own axes; None where they lie in the world as they do there, or in several."""

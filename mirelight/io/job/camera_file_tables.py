@@ -21,7 +21,7 @@ from mirelight.io.job.fields import (
     wrong,
 )
 from mirelight.io.job.scene_tables import Transform, is_similarity
-from mirelight.model import Camera, Exposure
+from mirelight.model import Camera, Exposure, SplatWorld
 
 MOST_CAMERAS = 100_000  # of one table
 SENSOR_WIDTH = 36.0  # mm, where a job says none
@@ -127,7 +127,7 @@ class CamerasFromTable(ApertureTable, ShutterTable):
         description="transforms.json, CSV: opengl: cameras look along their -Z with +Y up; opencv: along +Z with +Y "
         "down. Default: opengl.",
     )
-    world: Literal["capture", "nerfstudio", "gsplat"] | None = Field(
+    world: SplatWorld | None = Field(
         default=None,
         description="COLMAP, transforms.json, camera_path.json: the world that they are brought to. Default: that of "
         "the splats.",

@@ -22,10 +22,10 @@ from mirelight.io.job.scene_tables import ProxyTable, SplatsTable, Transform
 from mirelight.io.job.shutters import open_between
 from mirelight.io.job.words import shown_path
 from mirelight.io.suffixes import SCENES, USD
-from mirelight.model import F64, Camera
+from mirelight.model import F64, Camera, SplatWorld
 
 if TYPE_CHECKING:
-    from mirelight.io.cameras import CameraFile, FileCamera, World
+    from mirelight.io.cameras import CameraFile, FileCamera
     from mirelight.io.cameras.pictures import Picture
     from mirelight.io.job.assets import SceneCamera
 
@@ -172,7 +172,7 @@ class FromFiles:
             self.wrong.append(Mistake((*at, "transform"), "the job's splats have different transforms", remedy))
         return placed[0]
 
-    def _world(self, file: CameraFile, wanted: World | None, at: Path) -> World:
+    def _world(self, file: CameraFile, wanted: SplatWorld | None, at: Path) -> SplatWorld:
         """The world that a file's cameras are brought to: the wanted one, or else that of the splats, where its format
         leads there; others lie in it as they are."""
         known, splats = file.worlds(), {table.world for table in self.splats}

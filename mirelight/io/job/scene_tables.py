@@ -34,7 +34,7 @@ from mirelight.io.job.fields import (
 )
 from mirelight.io.job.sun_position import SOUTH, sun_position
 from mirelight.io.job.words import shown
-from mirelight.model import SplatColorSpace
+from mirelight.model import SplatColorSpace, SplatWorld
 
 SMALLEST = 1e-6  # scale: below, float32 positions fall together
 
@@ -89,7 +89,7 @@ class SplatsTable(Table):
         description="That the splats were trained in, and blend in: display-encoded, linear light, or log (ACEScct). "
         "Default: what the file says, else srgb_rec709_display.",
     )
-    world: Literal["capture", "nerfstudio", "gsplat"] = Field(
+    world: SplatWorld = Field(
         default="capture",
         description="What they lie in: the coordinates of the pictures' cameras, or those that nerfstudio or gsplat "
         "moved them to before training. Cameras of COLMAP and transforms.json are brought there.",

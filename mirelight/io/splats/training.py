@@ -55,7 +55,10 @@ def data_of(capture: Path) -> Path | None:
     if named is None or named.replace("\\", "/").startswith("//"):
         return None  # another machine's: to look there would sign in to it
     found = (above / named for above in inside.parents)  # both are named from where it was started
-    return next((x for x in found if x.exists()), None)
+    try:
+        return next((x for x in found if x.exists()), None)
+    except OSError:  # no name of a file
+        return None
 
 
 def _named(text: str) -> str | None:

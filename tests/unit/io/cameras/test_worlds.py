@@ -110,6 +110,7 @@ def test_where_points_lie_tells_the_world(tmp_path: Path, world: SplatWorld) -> 
     noise = 0.01 * np.cbrt(np.linalg.det(m[:3, :3]))
     splats = moved(np.repeat(SHOWN, 3, axis=0), m) + noise * RNG.standard_normal((3 * len(SHOWN), 3))
     assert file.world_of(cameras, splats) == world
+    assert file.world_of(cameras, moved(splats, np.diag([3.0, 3.0, 3.0, 1.0]))) is None  # by other rules
 
 
 def test_points_of_nerfstudio_s_file_tell_it_too(tmp_path: Path) -> None:

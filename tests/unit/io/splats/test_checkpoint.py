@@ -95,6 +95,8 @@ def test_a_training_s_folder_is_read_and_its_project_found(tmp_path: Path) -> No
         assert data_of(capture) is None  # gone
         (tmp_path / project).mkdir(parents=True)
         assert data_of(capture) == tmp_path / project
+        (tmp_path / name / settings[0]).write_text(f"data_dir: {'x' * 5000}\n", "utf-8")
+        assert data_of(capture) is None
     assert data_of(tmp_path / "elsewhere.ply") is None
 
 

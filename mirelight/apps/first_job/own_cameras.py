@@ -106,7 +106,11 @@ def _places(capture: Path) -> list[Path]:
 
 
 def _brought(file: CameraFile, capture: Path, cloud: SplatCloud) -> Cameras:
-    """A file's cameras in the splats' world, which what their pictures showed tells, or else what they see."""
+    """A file's cameras in the splats' world, which what their pictures showed tells, or else what they see.
+
+    Raises:
+        InputError: neither points nor pictures lie where these splats are.
+    """
     centres = cloud.means[cloud.opaque].astype(np.float64)
 
     def in_world(world: SplatWorld) -> Cameras:
@@ -120,9 +124,13 @@ def _brought(file: CameraFile, capture: Path, cloud: SplatCloud) -> Cameras:
     if len(tried) == 1:
         return plain
     pictures = find_all(file, plain.cameras)
-    shown = [alike(x.cameras, pictures, cloud) or 0.0 for x in tried]
-    if max(shown) - min(shown) > _CLEARLY:
-        return tried[int(np.argmax(shown))]
+    shown = [alike(x.cameras, pictures, cloud) for x in tried]
+    told = [x for x in shown if x is not None]
+    if told and max(told) - min(told) > _CLEARLY:
+        return tried[int(np.argmax(told))]
+    if told and max(told) < _CLEARLY and file.points() is not None:
+        remedy = "give those of this capture, as its splats lie: an editor may have turned or scaled them"
+        raise InputError(file.path, "neither its points nor its pictures lie where these splats are", remedy)
     return next((x for x in tried if look_at(x, cloud)), plain)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from mirelight.apps.first_job import own_cameras
@@ -74,6 +75,21 @@ def test_pictures_tell_the_world(tmp_path: Path) -> None:
         told = alike(found.cameras, pictures, splats_there)
         assert told is not None and told > 0.95
     assert alike(cameras, (None,) * 4, cloud) is None
+
+
+def test_splats_that_an_editor_turned_have_other_cameras(tmp_path: Path) -> None:
+    """Points and pictures both say so; the cameras would look past them."""
+    path = project(tmp_path / "data")
+    cloud = board()
+    points = cloud.means[::40] @ transforms.Z_UP[:3, :3].T
+    (path.parent / "sparse_pc.ply").write_bytes(trimesh.PointCloud(points).export(file_type="ply"))
+    found, _ = own_cameras.find(tmp_path / "splat.ply", cloud, path)
+    assert found is not None and found.world == "capture"
+    turned = splats.transform(cloud, np.diag([2.0, 2.0, 2.0, 1.0]) @ transforms.Z_UP)
+    with pytest.raises(InputError, match="neither its points nor its pictures lie where these splats are; give those"):
+        own_cameras.find(tmp_path / "splat.ply", turned, path)
+    found, misfit = own_cameras.find(path.parent / "splat.ply", turned)
+    assert found is None and misfit is not None and "neither its points" in str(misfit)
 
 
 def test_a_training_of_nerfstudio_says_its_world(tmp_path: Path) -> None:

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import struct
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +20,8 @@ from scenegen import training
 from mirelight.io import cameras as camera_files
 from mirelight.io import splats
 from mirelight.io.atomic import write_file
-from mirelight.io.cameras import inria
-from mirelight.model import F32, F64, Camera
+from mirelight.io.cameras import colmap, inria
+from mirelight.model import F32, Camera
 
 PIXELS = 130_000  # of a picture, at most: training takes as much longer as there are more
 ERROR, TRACK = 2.0, 3  # px, pictures: worse points, and such as fewer show, are not started from
@@ -43,7 +41,8 @@ def main() -> None:
     scale = min((PIXELS / (cameras[0].width * cameras[0].height)) ** 0.5, 1.0)
     small = [_smaller(x, scale) for x in cameras]
     pictures = [_shown(args.folder / "images" / one.picture, camera) for one, camera in zip(taken, small, strict=True)]
-    points = np.array(list(_points(model.files[0].with_name("points3D.bin"))))
+    seen = colmap.read_points(model.files[0].with_name("points3D.bin"))
+    points = seen.positions[(seen.errors < ERROR) & (seen.pictures >= TRACK)]
     how = training.Shooting(size=(small[0].width, small[0].height), iterations=args.iterations, most=args.most)
     rows = training.train(small, pictures, points, training.sizes_of(points), how)
     path = args.out / f"point_cloud/iteration_{args.iterations}/point_cloud.ply"
@@ -67,16 +66,6 @@ def _shown(path: Path, camera: Camera) -> F32:
     with Image.open(path) as image:
         small = image.convert("RGB").resize((camera.width, camera.height), Image.Resampling.LANCZOS)
     return (np.asarray(small) / 255).astype(np.float32)
-
-
-def _points(path: Path) -> Iterator[F64]:
-    """(3,) each of a model's points that several pictures show well; see COLMAP's page "Output Format"."""
-    data, at = path.read_bytes(), 8
-    for _ in range(struct.unpack_from("<Q", data)[0]):
-        _, x, y, z, _, _, _, error, track = struct.unpack_from("<Q3d3BdQ", data, at)
-        at += struct.calcsize("<Q3d3BdQ") + 8 * track
-        if error < ERROR and track >= TRACK:
-            yield np.array([x, y, z])
 
 
 if __name__ == "__main__":

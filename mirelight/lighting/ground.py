@@ -34,9 +34,8 @@ class Ground:
 
     def within(self, low: F64, high: F64) -> Ground:
         """Those over a rectangle, its corners (2,) along X and Z."""
-        near = self.high[:, 0] >= low[0]
-        for k in (0, 1):
-            near &= (self.high[:, k] >= low[k]) & (self.low[:, k] <= high[k])
+        over = (self.high >= low) & (self.low <= high)
+        near = over[:, 0] & over[:, 1]  # numpy's tests of all along an axis of two are slow
         return Ground(self.corners[near], self.low[near], self.high[near])
 
     def heights(self, points: F64, reach: float) -> F64:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -50,13 +51,13 @@ def inserted(objects: Sequence[Inserted], proxy: ProxyMesh) -> Placed:
     """
     placed: dict[int, ProxyMesh] = {}
     boxes: dict[int, F64] = {}
-    ground = Ground.of(proxy) if any(x.drop or x.scatter for x in objects) else None
+    ground = cache(partial(Ground.of, proxy))
     for place, one in sorted(enumerate(objects), key=lambda x: x[1].scatter is not None):
         mesh, turn = one.mesh.value, np.eye(3)
-        if ground is not None and one.scatter is not None:
-            mesh, turn = scattered(one, place, ground, tuple(boxes.values()))
-        elif ground is not None and one.drop:
-            mesh, turn = dropped(one, mesh, ground)
+        if one.scatter is not None:
+            mesh, turn = scattered(one, place, ground(), tuple(boxes.values()))
+        elif one.drop:
+            mesh, turn = dropped(one, mesh, ground())
         placed[place], boxes[place] = mesh, box_round(turn @ one.world_from_object[:3, :3], mesh)
     set_down = [placed[place] for place in range(len(objects))]
     counts = [len(proxy.faces), *(len(x.faces) for x in set_down)]

@@ -144,10 +144,10 @@ class CameraFile:
         points = self.points()
         if points is None or not len(centres):
             return None
-        there = {x: self.to_world(cameras, x, lambda: centres, points) for x in self.worlds()}
-        apart = {x: worlds.apart(points, m, centres) for x, m in there.items()}
-        best = min(apart, key=lambda x: apart[x])
-        return best if apart[best] < _ON else None
+        known = self.worlds()
+        apart = worlds.apart(points, [self.to_world(cameras, x, lambda: centres, points) for x in known], centres)
+        best = int(np.argmin(apart))
+        return known[best] if apart[best] < _ON else None
 
     def points_file(self) -> Path | None:
         """COLMAP's file of points, by which gsplat moved its world; None where none lies beside the cameras'."""
@@ -157,7 +157,7 @@ class CameraFile:
         """(M, 3) what its pictures showed, in the capture's axes; None where nothing says. Raises InputError."""
         if self.kind == "COLMAP":
             path = self.points_file()
-            found = None if path is None else colmap.read_points(path)
+            found = None if path is None else colmap.read_points(path).positions
         elif self.kind == "transforms.json":
             found = transforms.points_beside(self.path, self.data)
         else:

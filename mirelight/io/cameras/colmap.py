@@ -1,4 +1,4 @@
-"""COLMAP's sparse models, text and binary: cameras, images and the places of points.
+"""COLMAP's sparse models, text and binary: cameras, images and points.
 
 Format: colmap.github.io/format.html. An image's pose is camera from world, quaternion wxyz and translation, in OpenCV's
 camera axes (+Z ahead, +Y down); pixel centres lie at +0.5. Binary files are little-endian.
@@ -105,13 +105,22 @@ def points_beside(images: Path) -> Path | None:
     return path if path.is_file() else None
 
 
-def read_points(path: Path) -> F64:
-    """(M, 3) the points of a model, in the order of the file. Raises InputError."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Points of a model, M of them in the order of its file, as its pictures showed them."""
+
+    positions: F64  # (M, 3)
+    errors: F64  # (M,) px
+    pictures: F64  # (M,) how many show each
+
+
+def read_points(path: Path) -> Points:
+    """The points of a model. Raises InputError."""
     found = list((_binary_points if path.suffix.lower() == ".bin" else _text_points)(path))
-    out = np.array(found, np.float64).reshape(-1, 3)
-    if not np.isfinite(out).all():
+    rows = np.array(found, np.float64).reshape(-1, 5)
+    if not np.isfinite(rows[:, :3]).all():
         raise InputError(path, "a point that is not finite", "the file is damaged")
-    return out
+    return Points(rows[:, :3], rows[:, 3], rows[:, 4])
 
 
 def _placed(file: Path, image: _Image, name: str, lenses: dict[int, Lens]) -> FileCamera:
@@ -216,10 +225,10 @@ def _text_images(file: Path) -> Iterator[_Image]:
 def _text_points(file: Path) -> Iterator[tuple[float, ...]]:
     for number, line in _lines(file):
         if line and not line.startswith("#"):
-            words, fail = line.split(maxsplit=4), partial(InputError, file, field=f"line {number}")
-            if len(words) < 4:
+            words, fail = line.split(), partial(InputError, file, field=f"line {number}")
+            if len(words) < 8:
                 raise fail(f"{len(words)} words", "a point is POINT3D_ID X Y Z R G B ERROR TRACK")
-            yield tuple(_real(word, fail) for word in words[1:4])
+            yield *(_real(word, fail) for word in (*words[1:4], words[7])), (len(words) - 8) // 2
 
 
 def _real(word: str, fail: partial[InputError]) -> float:
@@ -314,7 +323,7 @@ def _binary_points(file: Path) -> Iterator[tuple[float, ...]]:
         for _ in range(int(stream.take("<Q")[0])):
             values = stream.take("<Q3d3BdQ")
             stream.skip(8 * int(values[-1]))
-            yield tuple(values[1:4])
+            yield *values[1:4], *values[7:]
 
 
 def pose(world_from_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

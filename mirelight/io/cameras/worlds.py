@@ -83,24 +83,27 @@ def of_gsplat(cameras: Sequence[FileCamera], points: F64, centres: F64) -> Matri
     if np.linalg.det(axes) < 0:
         axes[0] *= -1
     lying = _similarity(axes, -axes @ centre) @ looking
-    return min((np.asarray(x @ lying) for x in _TURNS), key=lambda m: apart(points, m, centres))
+    turned = [np.asarray(x @ lying) for x in _TURNS]
+    return turned[int(np.argmin(apart(points, turned, centres)))]
 
 
-def apart(points: F64, matrix: Matrix, centres: F64) -> float:
-    """How far points lie from splats: the median, as a share of how far the points spread.
+def apart(points: F64, matrices: Sequence[Matrix], centres: F64) -> list[float]:
+    """How far points lie from splats, placed by each matrix: the median, as a share of how far the points spread.
 
     Args:
         points: (M, 3) that pictures showed.
-        matrix: (4, 4) places them.
+        matrices: (4, 4) each.
         centres: (N, 3) of the splats.
     """
     from scipy.spatial import cKDTree
 
-    some = points[:: -(-len(points) // _POINTS)]
-    there = some @ matrix[:3, :3].T + matrix[:3, 3]
-    spread = float(np.median(np.linalg.norm(there - np.median(there, axis=0), axis=1)))
-    away = cKDTree(centres[:: -(-len(centres) // _CENTRES)]).query(there)[0]
-    return float(np.median(away)) / max(spread, 1e-12)
+    some, tree = points[:: -(-len(points) // _POINTS)], cKDTree(centres[:: -(-len(centres) // _CENTRES)])
+    out = []
+    for m in matrices:
+        there = some @ m[:3, :3].T + m[:3, 3]
+        spread = float(np.median(np.linalg.norm(there - np.median(there, axis=0), axis=1)))
+        out.append(float(np.median(tree.query(there)[0])) / max(spread, 1e-12))
+    return out
 
 
 def _up(poses: F64) -> F64:

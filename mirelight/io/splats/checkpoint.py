@@ -18,16 +18,15 @@ import numpy as np
 
 from mirelight.base.errors import InputError
 from mirelight.base.sh import COEFFICIENTS, degree_of
-from mirelight.io.safety import read_bytes
 from mirelight.io.splats import torch_file, values
 from mirelight.io.splats.builder import ROWS, CloudBuilder, Slot
 from mirelight.io.splats.info import SplatFileInfo
 from mirelight.io.splats.torch_file import Tensor
+from mirelight.io.splats.training import settings_beside, settings_of
 from mirelight.model import SplatCloud
 
-_MOST_BYTES = 1 << 20  # of a training's settings
 _RANKED = re.compile(r"(.*_rank)\d+(\.pt)", re.IGNORECASE)
-_SETTINGS = (("cfg.yml", r"^antialiased: true"), ("config.yml", r"^ *rasterize_mode: antialiased"))
+_ANTIALIASED = re.compile(r"^(antialiased: true| *rasterize_mode: antialiased)", re.MULTILINE)
 _NERFSTUDIO = "_model.gauss_params."
 
 
@@ -98,8 +97,8 @@ def read(path: Path) -> SplatCloud:
 def files(path: Path) -> list[Path]:
     """A checkpoint with the others that were saved at that step, by their GPUs' numbers, and the settings beside them:
     all that :func:`read` opens."""
-    settings = (path.absolute().parent.parent / name for name, _ in _SETTINGS)
-    return [*_of_step(path), *(x for x in settings if x.is_file())]
+    settings = settings_beside(path)
+    return _of_step(path) if settings is None else [*_of_step(path), settings]
 
 
 def _of_step(path: Path) -> list[Path]:
@@ -162,10 +161,4 @@ def _checked(path: Path, found: _Parameters) -> _Parameters:
 
 def _is_antialiased(path: Path) -> bool:
     """Whether the settings that a training left say so: gsplat's cfg.yml, nerfstudio's config.yml."""
-    for name, said in _SETTINGS:
-        try:
-            text = read_bytes(path.absolute().parent.parent / name, _MOST_BYTES).decode(errors="replace")
-        except InputError:
-            continue
-        return re.search(said, text, re.MULTILINE) is not None
-    return False
+    return _ANTIALIASED.search(settings_of(path)) is not None

@@ -15,6 +15,8 @@ from mirelight.base.errors import InputError
 from mirelight.io.safety import read_bytes
 
 NERFSTUDIO = "nerfstudio_models"  # the folder of its checkpoints
+_INSIDE = ("ply", "ckpts", NERFSTUDIO)  # folders of a training of gsplat or nerfstudio that hold captures
+_SETTINGS = ("cfg.yml", "config.yml")  # gsplat's, nerfstudio's
 _MOST_BYTES = 1 << 20
 _LAYOUTS = (
     "point_cloud/iteration_*/point_cloud.ply",
@@ -42,16 +44,26 @@ def folder_of(capture: Path) -> Path | None:
     return iteration.parents[1] if inside else None
 
 
+def settings_beside(capture: Path) -> Path | None:
+    """The file of the settings that gsplat or nerfstudio trained a capture with; None: there is none."""
+    folder = capture.absolute().parent.parent
+    return next((folder / name for name in _SETTINGS if (folder / name).is_file()), None)
+
+
+def settings_of(capture: Path) -> str:
+    """What is in that file; nothing where it cannot be read."""
+    path = settings_beside(capture)
+    try:
+        return "" if path is None else read_bytes(path, _MOST_BYTES).decode(errors="replace")
+    except InputError:
+        return ""
+
+
 def data_of(capture: Path) -> Path | None:
     """The project that gsplat or nerfstudio trained a capture on, as its settings name it; None: it lies in no such
     training, or the project is gone."""
     inside = capture.absolute().parent
-    settings = {"ply": "cfg.yml", "ckpts": "cfg.yml", NERFSTUDIO: "config.yml"}.get(inside.name)
-    try:
-        text = read_bytes(inside.parent / (settings or ""), _MOST_BYTES).decode()
-    except (InputError, UnicodeDecodeError):
-        return None
-    named = _named(text)
+    named = _named(settings_of(capture)) if inside.name in _INSIDE else None
     if named is None or named.replace("\\", "/").startswith("//"):
         return None  # another machine's: to look there would sign in to it
     found = (above / named for above in inside.parents)  # both are named from where it was started

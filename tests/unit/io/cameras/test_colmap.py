@@ -9,7 +9,7 @@ import pycolmap
 import pytest
 
 from mirelight.base.errors import InputError
-from mirelight.io.cameras import colmap_write, open_file
+from mirelight.io.cameras import colmap, colmap_write, open_file
 from mirelight.io.cameras.colmap import MODELS
 from mirelight.model import Camera
 
@@ -59,6 +59,11 @@ def test_pycolmap_reads_what_is_written_here(tmp_path: Path, suffix: str) -> Non
     for camera in cameras:
         np.testing.assert_allclose(pixels_of(camera), truth[f"{camera.name}.png"], rtol=0, atol=1e-6)
     points = pycolmap.Reconstruction(str(folder)).points3D
+    read = colmap.read_points(folder / f"points3D{suffix}")
+    by_id = [points[i] for i in sorted(points)]
+    np.testing.assert_allclose(read.positions, [x.xyz for x in by_id], rtol=1e-12)
+    np.testing.assert_allclose(read.errors, [x.error for x in by_id])
+    assert read.pictures.tolist() == [x.track.length() for x in by_id]
     order = sorted(points)
     np.testing.assert_array_equal([points[i].xyz for i in order], positions)
     np.testing.assert_array_equal([points[i].color for i in order], colors)

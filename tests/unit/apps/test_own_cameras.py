@@ -116,6 +116,12 @@ def test_a_training_of_nerfstudio_says_its_world(tmp_path: Path) -> None:
     assert found is None and misfit is not None and "beside it" in str(misfit)
     with pytest.raises(InputError, match="by other rules than its defaults: copy"):
         own_cameras.find(capture, cloud, path)
+    rendered = {"camera_to_world": np.eye(4).reshape(-1).tolist(), "fov": 50}
+    drawn = {"camera_type": "perspective", "render_width": 64, "render_height": 48, "camera_path": [rendered]}
+    (tmp_path / "camera_path.json").write_text(json.dumps(drawn), "utf-8")
+    found, _ = own_cameras.find(capture, cloud, tmp_path / "camera_path.json")
+    assert found is not None and found.world == "nerfstudio"
+    np.testing.assert_array_equal(found.cameras[0].world_from_camera, np.eye(4))
     shutil.copy(said, path.parent)
     found, _ = own_cameras.find(capture, cloud)
     assert found is not None

@@ -43,7 +43,13 @@ def cell_of(low: F64, high: F64, spacing: float) -> float:
 
 
 def beyond_pictures(
-    soup: Soup, planes: Sequence[Plane], low: F64, high: F64, cell: float, look: Callable[[float], Look]
+    soup: Soup,
+    planes: Sequence[Plane],
+    low: F64,
+    high: F64,
+    cell: float,
+    look: Callable[[float], Look],
+    top: tuple[F64, float] | None = None,
 ) -> Soup:
     """Triangles that carry on large planes of a surface where no picture shows whether they end.
 
@@ -54,6 +60,7 @@ def beyond_pictures(
         high: (3,) the other.
         cell: side of the cells in which planes are looked at.
         look: tells what was in pictures; of points nearer to the surface than so much, not looked through.
+        top: (3,) unit, and how far along it none goes on; None: all may.
     """
     area = float(triangles.areas(soup.vertices[soup.faces]).sum())
     marks, face = spread_on(soup.vertices, soup.faces, int(TUNING.beyond_marks * area / cell**2) + 1)
@@ -71,6 +78,8 @@ def beyond_pictures(
         near = np.abs(turned(marks, plane.normal[None])[:, 0] - plane.offset) < cell
         met, stops = (known.sheet.cells(x) for x in (marks[near], marks[near & np.isin(of, known.across)]))
         cells = _carried_on(known, met, stops, plane.area >= TUNING.beyond_least_area * area)
+        if top is not None:
+            cells &= (known.sheet.middles() @ top[0] < top[1]).reshape(cells.shape)
         made = known.sheet.rectangles(cells & ~done.get(k, known.surface))
         done[k] = cells
         more = spread(

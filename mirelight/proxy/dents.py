@@ -15,8 +15,8 @@ import numpy as np
 from mirelight.base.together import each
 from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Flat
-from mirelight.proxy.labels import Labels, depth_of
+from mirelight.proxy.flats import Flat, depth_of
+from mirelight.proxy.labels import Labels
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import dot, length, rays

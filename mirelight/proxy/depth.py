@@ -215,3 +215,9 @@ def points_of(view: DepthMap, step: int = 1) -> tuple[F64, F64, F32]:
     starts = np.broadcast_to(origins, directions.shape)[::step, ::step][seen]
     points = starts + directions[::step, ::step][seen] * depth[seen][:, None]
     return points, view.normal[::step, ::step][seen].astype(np.float64), view.trust[::step, ::step][seen]
+
+
+def sure_points(view: DepthMap) -> F64:
+    """(N, 3) points of the surface that a view is sure of."""
+    points, _, trust = points_of(view, TUNING.sure_step)
+    return points[trust > TUNING.sure]

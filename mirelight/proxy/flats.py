@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.together import each
-from mirelight.model import F64, triangles
+from mirelight.model import F32, F64, triangles
 from mirelight.proxy.depth import DepthMap, pixels_of
 from mirelight.proxy.pieces import Points, axes_of, one_piece, surface_rows, turned_to
 from mirelight.proxy.squared import squared
@@ -37,6 +37,7 @@ class Flat:
     lift: F64 | None = None  # (I, J) how far the surface lies before the plane, along its normal; None: nowhere
     # (I, J, 2, 4) where of a cell it is: where the first three, times a point, and the fourth add up to more than 0
     bound: F64 | None = None
+    told: bool = True  # whether views show it, or it is guessed from what stands on it
 
     def cells(self, points: F64) -> tuple[Int, Bool]:
         """(..., 2) the cells that points (..., 3) lie over, and (...,) whether they are among these; else the first."""
@@ -88,17 +89,19 @@ class Flat:
         from scipy.ndimage import map_coordinates
 
         i = np.einsum("...i,ki->...k", points, self.axes) / self.cell - self.low - 0.5
-        return np.asarray(map_coordinates(self.lift, np.moveaxis(np.nan_to_num(i), -1, 0), order=1, mode="nearest"))
+        at = np.nan_to_num(i).reshape(-1, 2).T
+        return np.asarray(map_coordinates(self.lift, at, order=1, mode="nearest")).reshape(points.shape[:-1])
 
 
-def flats_of(views: Sequence[DepthMap], spacing: float, radius: float) -> list[Flat]:
-    """The large planes of what views see within the radius, largest first."""
+def flats_of(views: Sequence[DepthMap], spacing: float, radius: float, *, least: float = TUNING.fog) -> list[Flat]:
+    """The large planes of what views see within the radius, largest first; no slices of fog, whose points are trusted
+    less than `least` in the mean."""
     points = Points.of(views, spacing, radius)
     if len(points.at) < TUNING.flat_fewest:
         return []
     low, high = np.quantile(points.at, [0.002, 0.998], axis=0)
     tolerance = TUNING.plane_tolerance * spacing
-    found = _planes(points, tolerance)
+    found = [x for x in _planes(points, tolerance) if points.weight[x[2]].mean() > least]
     order = sorted(range(len(found)), key=lambda k: _lean(points, *found[k]))
     square = dict(zip(order, squared([found[k][0] for k in order]), strict=True))
     out = []
@@ -283,6 +286,20 @@ def behind(view: DepthMap, flat: Flat, at: F64) -> tuple[Int, Int, F64, F64]:
     ray = directions.reshape(-1, 3)[pixel]
     aslant = np.abs(dot(ray, flat.normal)) / length(ray)
     return rows, pixel, (view.depth.ravel()[pixel] + own[rows, 2]) * aslant, aslant
+
+
+def depth_of(view: DepthMap, flat: Flat, directions: F64) -> F32:
+    """(H, W) depth of a plane where it has cells, else 0."""
+    origins, _ = rays(view.camera)
+    facing = dot(directions, flat.normal)
+    seen = np.abs(facing) > TUNING.label_facing * length(directions)
+    facing, start = np.where(seen, facing, 1), dot(origins, flat.normal)
+    depth = np.where(seen, (flat.offset - start) / facing, 0)
+    for _ in range(0 if flat.lift is None else TUNING.label_rounds):
+        lift = flat.lifted(origins + directions * depth[..., None])
+        depth = np.where(seen, (flat.offset + lift - start) / facing, 0)
+    there = (depth > view.camera.near) & flat.inside(origins + directions * depth[..., None])
+    return np.where(there, depth, 0).astype(np.float32)
 
 
 def seen_through(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Bool:

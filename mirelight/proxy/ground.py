@@ -19,8 +19,8 @@ from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import corners_of
 
 
-def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float, up: F64 | None = None) -> list[Flat]:
-    """The planes, the ground among them with all cells that views do not surely see through.
+def ground_of(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float, up: F64 | None = None) -> int | None:
+    """Which of the planes the ground is, if any.
 
     Args:
         flats: the planes of what views see, largest first.
@@ -30,8 +30,11 @@ def carried_on(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: floa
     """
     level = (k for k, flat in enumerate(flats) if up is None or abs(float(flat.normal @ up)) > TUNING.ground_upright)
     at = next(level, None)  # houses along a street have nothing behind them, either
-    if at is None or not _is_ground(flats[at], views, tolerance):
-        return list(flats)
+    return at if at is not None and _is_ground(flats[at], views, tolerance) else None
+
+
+def carried_on(flats: Sequence[Flat], at: int, views: Sequence[DepthMap], tolerance: float) -> list[Flat]:
+    """The planes, the ground among them, `at`, with all cells that views do not surely see through."""
     ground = flats[at]
     whole = replace(ground, there=ground.there | ~seen_through(ground, views, tolerance))
     return [*flats[:at], replace(whole, lift=_lift(whole, views, tolerance)), *flats[at + 1 :]]
@@ -41,13 +44,13 @@ def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMa
     """A ground that rises and falls, in a box and in finer cells as views of that tell; at its sides it is as before.
 
     Args:
-        flat: a plane; one that lies even stays as it is.
+        flat: a plane; one that lies even stays as it is, and so does one of which views tell nothing.
         low, high: (3,) corners of the box.
         cell: side of its cells, world units.
         views: maps of what is in the box.
         tolerance: as for :func:`carried_on`.
     """
-    if flat.lift is None:
+    if flat.lift is None or not flat.told:
         return flat
     corners = corners_of(low, high)
     ends = np.einsum("ni,ki->nk", corners, flat.axes) / cell

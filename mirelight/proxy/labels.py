@@ -13,7 +13,7 @@ import numpy as np
 from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Flat
+from mirelight.proxy.flats import Flat, depth_of
 from mirelight.proxy.looks import Look
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
@@ -98,20 +98,6 @@ def flattened(
         normal[on] = between / np.maximum(length(between), 1e-12)[:, None]
         trust[on], shown[on] = 1, True
     return replace(view, depth=np.where(shown, depth, np.float32(0)), normal=normal, trust=trust)
-
-
-def depth_of(view: DepthMap, flat: Flat, directions: F64) -> F32:
-    """(H, W) depth of a plane where it has cells, else 0."""
-    origins, _ = rays(view.camera)
-    facing = dot(directions, flat.normal)
-    seen = np.abs(facing) > TUNING.label_facing * length(directions)
-    facing, start = np.where(seen, facing, 1), dot(origins, flat.normal)
-    depth = np.where(seen, (flat.offset - start) / facing, 0)
-    for _ in range(0 if flat.lift is None else TUNING.label_rounds):
-        lift = flat.lifted(origins + directions * depth[..., None])
-        depth = np.where(seen, (flat.offset + lift - start) / facing, 0)
-    there = (depth > view.camera.near) & flat.inside(origins + directions * depth[..., None])
-    return np.where(there, depth, 0).astype(np.float32)
 
 
 def _labels(

@@ -7,15 +7,18 @@ by depth alone nobody knows whether fog is the plane's behind it. But a red car 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat, behind
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
+
+Bool = NDArray[np.bool_]
 
 _CHUNK = 1 << 15  # places at once
 
@@ -44,6 +47,19 @@ class Look:
             some = there[start : start + _CHUNK]
             color[some] = _agreed(_seen(plane, at[some], views, spacing))
         return Look(plane, color.reshape(*plane.there.shape, 3))
+
+    def with_hidden(self, hidden: Bool) -> Look:
+        """The same where something hides cells (I, J) of the plane: these are taken to look as those around."""
+        from scipy.ndimage import binary_dilation, distance_transform_edt
+
+        times = self.plane.there.shape[0] // hidden.shape[0]
+        there = np.kron(hidden, np.ones((times, times), bool))
+        around, none = binary_dilation(there, iterations=TUNING.look_rim * times), np.isnan(self.color[..., 0])
+        if (around | none).all():
+            return self
+        at = distance_transform_edt(around | none, return_distances=False, return_indices=True)
+        beside = there | around & none
+        return replace(self, color=np.where(beside[..., None], self.color[tuple(at)], self.color))
 
     def other(self, color: F32, points: F64) -> F32:
         """(H, W) 0..1 whether pixels of a colour (H, W, 3) look otherwise than the plane at points (H, W, 3) on it; 0

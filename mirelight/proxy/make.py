@@ -23,8 +23,9 @@ from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
 from mirelight.proxy.detail import Core, core_of, others, with_core
 from mirelight.proxy.ends import ended
 from mirelight.proxy.flats import Flat, even, flats_of, on_flats
+from mirelight.proxy.foot import foot_of
 from mirelight.proxy.fusion import Grid, fuse
-from mirelight.proxy.ground import carried_on, closer
+from mirelight.proxy.ground import carried_on, closer, ground_of
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
@@ -39,10 +40,11 @@ from mirelight.proxy.plain import plain_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.stereo import agreed
 from mirelight.proxy.sweep import Sweep
+from mirelight.proxy.things import Things
 from mirelight.proxy.tidy import closed, smoothed, without_crumbs
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import MadeProxy, Method, ProxySettings, Soup
-from mirelight.proxy.unseen import closing
+from mirelight.proxy.unseen import Walls, closing
 from mirelight.proxy.upright import Seen, levelled, upright
 from mirelight.proxy.views import around, fewer, from_points, held_up, moved
 from mirelight.proxy.walls import hung, room_of
@@ -87,7 +89,7 @@ def make(
     report, began = progress or quiet, time.monotonic()
     report("looking at the splats", 0.0)
     capture = look_at_capture(splats, source)
-    method, level = _method(capture, settings), True
+    method, walls = _method(capture, settings), Walls()
     there = [moved(camera, -capture.middle) for camera in cameras]
     refuse_strangers(capture, there, source)
     if method == "cells":
@@ -115,7 +117,7 @@ def make(
             views = agreed(views, settings, capture.spacing, part(report, 0.43, 0.55), guessed=not cameras)
         up = _stands(views, cameras, around=not there)
         found = _fused(capture, views, up, part(report, 0.55, 0.75), guessed=not cameras)
-        soup, shown, mirrors, level = found.soup, found.shown, found.mirrors, found.level
+        soup, shown, mirrors, walls = found.soup, found.shown, found.mirrors, found.walls
         if there and (core := core_of(capture, there, found.cell / TUNING.cell)):
             soup = _detailed(capture, core, found, settings, part(report, 0.75, 0.9), guessed=not cameras)
     if not len(soup.faces):
@@ -130,9 +132,9 @@ def make(
     whole, ceiling = soup, None
     if there:
         # how high people held their cameras is told by these or by colours, not by where it looks clear
-        roofed = settings.ceiling and level and (bool(cameras) or splats.sh_degree > 0)
-        last = part(report, 0.95, 1.0)
-        added = closing(soup, sight, there, capture.spacing, last, shown, ceiling=roofed, guessed=not cameras)
+        known = settings.ceiling and (bool(cameras) or splats.sh_degree > 0)
+        walls, last = replace(walls, ceiling=walls.ceiling and known), part(report, 0.95, 1.0)
+        added = closing(soup, sight, there, capture.spacing, last, shown, walls=walls, guessed=not cameras)
         whole, ceiling = soup.beside(added.soup), added.ceiling
     return MadeProxy(
         mesh=_placed(whole, mirrors, capture),
@@ -182,7 +184,7 @@ class _Fused:
     sky: Sky
     sweep: Sweep
     room: bool  # one with windows
-    level: bool  # no walls are guessed, or views show them as high as eyes
+    walls: Walls  # a ceiling: where none are guessed, or views show them as high as eyes
 
     @property
     def shown(self) -> list[DepthMap]:
@@ -221,9 +223,10 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         flats = closed_by(flats, mirrors)
     room = None if guessed else room_of(views, even(flats, views, capture.spacing, capture.radius), up)
     walls = room.flats(views, capture.spacing) if room else list[Flat]()
-    level = room is None or room.is_shown_level(views)
+    flats, sides = room.floored(flats, walls) if room else (flats, walls)
+    ends = Walls(room.is_shown_level(views), room.top) if room else Walls()
     looked = each(room.shone, views) if room else views
-    windows = windows_of(looked, [*flats, *walls], capture.spacing, up if room else None)
+    windows = windows_of(looked, [*flats, *sides], capture.spacing, up if room else None)
     if room:
         windows = [x for x in windows if x.wall not in walls or room.lets_in(x)]
         views = each(room.sunlit, views)
@@ -232,18 +235,19 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         pairs = list(zip(views, looked, strict=True))
         views = each(lambda pair: opened(*pair, windows, capture.spacing, away), pairs)
         flats = flats_of(views, capture.spacing, capture.radius)
+        flats, sides = room.floored(flats, walls) if room else (flats, walls)
     sweep = Sweep.of([] if guessed else views, flats, capture.spacing)
     views, flats = each(sweep.moved, views), sweep.flats
-    sky = Sky(0.0 if room else fog_of(views, flats), up)
+    sky = Sky(0.0 if room and not room.cut else fog_of(views, flats), up)
     if not (room or sky.fog or guessed):
         flats = [*flats, *plain_of(views, flats, capture.spacing, capture.radius)]
     if windows and (lids := lids_of(views, flats, capture.spacing)):
         views = each(lambda view: covered(view, lids.values(), capture.spacing), views)
         flats = closed_by(flats, lids)
-    if sky.fog:
-        flats = carried_on(flats, views, TUNING.plane_tolerance * capture.spacing, up)
+    if sky.fog and not room:
+        flats = _with_ground(capture, views, flats, up, guessed=guessed)
     flats = even(flats, views, capture.spacing, capture.radius)
-    flats, many = ended([*flats, *walls]), len(flats)
+    flats, many = ended([*flats, *sides]), len(flats)
     views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3), walls=range(many, len(flats)))
     grid = fuse(views, capture.half, TUNING.cell * capture.spacing, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
@@ -251,7 +255,19 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     for window in windows:
         soup = soup.beside(window.solid())
     kept = [sweep.along(mirror) for mirror in mirrors.values()]
-    return _Fused(soup, grid.cell, views, flats[:many], kept, sky, sweep, bool(windows), level)
+    return _Fused(soup, grid.cell, views, flats[:many], kept, sky, sweep, bool(windows), ends)
+
+
+def _with_ground(
+    capture: Capture, views: Sequence[DepthMap], flats: list[Flat], up: F64 | None, *, guessed: bool
+) -> list[Flat]:
+    """The planes of a capture with a sky, its ground beneath all that views tell nothing of."""
+    tolerance = TUNING.plane_tolerance * capture.spacing
+    at = ground_of(flats, views, tolerance, up)
+    if at is not None:
+        return carried_on(flats, at, views, tolerance)
+    foot = None if guessed or up is None else foot_of(views, capture.spacing, capture.radius, up)
+    return flats if foot is None else [foot, *flats]
 
 
 def _on_planes(
@@ -266,11 +282,15 @@ def _on_planes(
     tolerance = TUNING.plane_tolerance * spacing
     colors, moves = part(report, 0.0, 0.5), part(report, 0.5, 1.0)
     looks = each(lambda flat: Look.of(flat, views, spacing), flats, colors, "reading planes' colours")
+    things = {k: Things.on(flat, views, spacing) for k, flat in enumerate(flats) if flat.lift is not None}
+    looks = [x.with_hidden(things[k].hidden) if k in things else x for k, x in enumerate(looks)]
     labels = each(lambda view: labelled(view, flats, tolerance, looks), views, moves, "moving pixels onto planes")
     labels = filled(views, labels, flats, tolerance)
     if walls:
         labels = hung(views, labels, flats, walls)
     pairs = list(zip(views, labels, strict=True))
+    for k, own in things.items():
+        pairs = each(partial(own.kept, look=looks[k], k=k, none=len(flats)), pairs)
     return each(lambda pair: flattened(pair[0], flats, tolerance, sky, pair[1]), pairs)
 
 

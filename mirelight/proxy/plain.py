@@ -36,7 +36,7 @@ def plain_of(views: Sequence[DepthMap], flats: Sequence[Flat], spacing: float, r
     tolerance = TUNING.plane_tolerance * spacing
     rest = each(lambda view: _rest(view, flats, tolerance), views)
     thick = TUNING.plain_thick * spacing
-    found = [flat for flat in flats_of(rest, thick, radius) if not _is_known(flat, flats, thick)]
+    found = [flat for flat in flats_of(rest, thick, radius, least=0) if not _is_known(flat, flats, thick)]
     return [flat for flat in found if _is_plain(flat, views, rest, thick)]
 
 

@@ -99,10 +99,12 @@ class Tuning:
     window_bars: float = 0.5  # behind the wall, where its pictures agree best: 0.9 of a window, -0.25 of a patch of sun
     window_cells: int = 12  # cells of a plane, at least
 
+    # points that a view is sure of (`depth`)
+    sure: float = 0.5  # trust
+    sure_step: int = 3  # every third pixel, both ways
     # walls that nothing tells of (`walls`)
     wall_level: float = 0.95  # cosine between a plane and what is up, above which it is level, and
     wall_upright: float = 0.3  # below which it is a wall
-    wall_sure: float = 0.5  # trust of what tells how far off they are
     wall_step: int = 3  # every third pixel, both ways
     wall_far: float = 0.98  # of what is sure on a side lies before its wall
     wall_floor: float = 0.003  # of all that is sure lies below the floor
@@ -111,6 +113,8 @@ class Tuning:
     wall_on: float = 0.05  # of its way, by which a pixel may miss a ceiling that it shows
     wall_ceiling: float = 0.33  # of what is sure above walls is on the ceiling: in halls 0.7, in a street 0.17
     wall_cells: int = 1000  # of a box's longest side, at most
+    wall_square: float = 0.999  # cosine between a plane and what is up, above which it may be the floor, if it lies
+    wall_beside: float = 0.02  # of the room's height from what is seen lowest
     wall_eyes: float = 1.1  # times as far as a camera stood, at least
     # of the pixels, unsure and above the horizon: 0.006 in a room looked at from above, 0.05 to 0.11 beneath a sky
     wall_sky: float = 0.02
@@ -367,6 +371,7 @@ class Tuning:
     look_apart: float = 0.12  # display values, summed over channels: half of them differ by less from the median
     # the same, of a pixel from the plane: on it up to here, not on it from twice that
     look_other: float = 0.25
+    look_rim: int = 4  # cells around what hides a plane, which may look as that does
 
     # what cameras saw of a surface (`pictures`)
     seen_cameras: int = 96  # that are looked from; of more, evenly taken ones

@@ -17,7 +17,7 @@ import numpy as np
 
 from mirelight.base.progress import ShareProgress
 from mirelight.lighting.sight import Sight
-from mirelight.model import Camera, triangles
+from mirelight.model import F64, Camera, triangles
 from mirelight.proxy.backs import backs_of
 from mirelight.proxy.beyond import Look, beyond_pictures, box_of, cell_of
 from mirelight.proxy.ceiling import Ceiling, ceiling_of
@@ -36,6 +36,17 @@ class Closing:
     ceiling: Ceiling | None  # the guess that is part of it
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Walls:
+    """How walls go on where no picture shows them."""
+
+    ceiling: bool = True  # whether one is guessed, which they reach
+    top: tuple[F64, float] | None = None  # (3,) unit, and how far along it they end; None: where all was seen, or stood
+
+
+_ANYHOW = Walls()
+
+
 def closing(
     soup: Soup,
     sight: Sight,
@@ -44,7 +55,7 @@ def closing(
     progress: ShareProgress,
     shown: Sequence[DepthMap] = (),
     *,
-    ceiling: bool = True,
+    walls: Walls = _ANYHOW,
     guessed: bool = False,
 ) -> Closing:
     """What closes a surface against light from where no camera saw.
@@ -56,7 +67,7 @@ def closing(
         spacing: of the capture's splats.
         progress: hears what is done.
         shown: depth maps by cameras of these: through a gap of the surface nothing was seen where they show something.
-        ceiling: whether one is guessed.
+        walls: how they go on.
         guessed: whether the cameras are: a ceiling may be where they show nothing.
     """
     progress("looking for what no camera saw", 0.0)
@@ -67,7 +78,7 @@ def closing(
     planes = planes_of(soup, cell, TUNING.beyond_small * float(triangles.areas(soup.vertices[soup.faces]).sum()))
     backs = backs_of(soup, planes, sight, pictures, spacing)
     told = pictures.opaque(shown) if guessed else pictures
-    found = ceiling_of(soup, planes, told, cell) if ceiling else None
+    found = ceiling_of(soup, planes, told, cell) if walls.ceiling else None
     if found is not None:
         low, high = found.box(low, high)
         backs = backs.beside(found.soup(planes, low, high, cell, told))
@@ -76,4 +87,4 @@ def closing(
     def look(before: float) -> Look:
         return lambda points: pictures.states(points.astype(np.float32), -before)
 
-    return Closing(backs.beside(beyond_pictures(soup, planes, low, high, cell, look)), found)
+    return Closing(backs.beside(beyond_pictures(soup, planes, low, high, cell, look, walls.top)), found)

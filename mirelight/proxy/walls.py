@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from mirelight.base.together import each
 from mirelight.model import F64
-from mirelight.proxy.depth import DepthMap, points_of
-from mirelight.proxy.flats import Flat, seen_through
-from mirelight.proxy.labels import Labels, depth_of, fog_of
+from mirelight.proxy.depth import DepthMap, sure_points
+from mirelight.proxy.flats import Flat, depth_of, seen_through
+from mirelight.proxy.labels import Labels, fog_of
 from mirelight.proxy.openings import Window
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
@@ -35,6 +35,27 @@ class Room:
     low: F64  # (3,) where its sides are along these from the middle
     high: F64
     roofed: bool = False  # whether pictures show a ceiling
+    cut: bool = False  # whether its walls end where pictures do
+
+    @property
+    def top(self) -> tuple[F64, float] | None:
+        """(3,) unit, up, and how far along it nothing is higher; None: as high as anything."""
+        return (self.axes[1], float(self.axes[1] @ self.middle + self.high[1])) if self.cut else None
+
+    def floored(self, flats: Sequence[Flat], walls: Sequence[Flat]) -> tuple[list[Flat], list[Flat]]:
+        """Planes, with its whole floor in place of the one that tells it, if any, and those of its sides that none is.
+
+        Args:
+            flats: the planes that are seen.
+            walls: its sides, the floor first.
+        """
+        near = TUNING.wall_floor * (self.high[1] - self.low[1])
+        same = [abs(_height(flat, self) - self.low[1]) < near for flat in flats]
+        if not any(same):
+            return list(flats), list(walls)
+        kept = [flat for flat, own in zip(flats, same, strict=True) if not own]
+        floor = replace(walls[0], lift=np.zeros(walls[0].there.shape)) if self.cut else walls[0]
+        return [floor, *kept], list(walls[1:])
 
     def left(self, view: DepthMap) -> tuple[F64, F64, Bool]:
         """(H, W) depths at which the view's rays leave the room, (H, W, 3) where along its axes, and (H, W) whether
@@ -50,6 +71,11 @@ class Room:
         """The share of a view's pixels whose rays leave the room above its walls."""
         _, place, wall = self.left(view)
         return float((~wall & (place[..., 1] > 0)).mean())
+
+    def wall_heights(self, view: DepthMap) -> F64:
+        """(N,) how high, from its middle, the view shows its walls, if those are there."""
+        _, place, wall = self.left(view)
+        return np.asarray(place[..., 1][wall & (view.alpha > TUNING.depth_opaque)])
 
     def is_shown_level(self, views: Sequence[DepthMap]) -> bool:
         """Whether views show its walls all round higher than they were taken from; else little tells where those are,
@@ -68,7 +94,7 @@ class Room:
         """How many of the view's pixels whose rays leave the room above its walls are sure, and how many of those are
         on its ceiling."""
         depth, place, wall = self.left(view)
-        sure = ~wall & (place[..., 1] > 0) & (view.trust > TUNING.wall_sure)
+        sure = ~wall & (place[..., 1] > 0) & (view.trust > TUNING.sure)
         on = sure & (np.abs(view.depth / depth - 1) < TUNING.wall_on)
         return int(sure.sum()), int(on.sum())
 
@@ -127,7 +153,30 @@ def room_of(views: Sequence[DepthMap], flats: Sequence[Flat], up: F64 | None) ->
     if up is None or not fog_of(views, flats):
         return None
     found = _box(views, _axes(flats, up))
-    return found if found is not None and _is_closed(found, views, flats) else None
+    if found is None or not _is_closed(found, views, flats):
+        return None
+    return _as_shown(found, views, flats)
+
+
+def _as_shown(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> Room:
+    """The room with its floor on the plane that tells it best, if any, and walls that end where pictures do if these
+    show none as high as they were taken from: who looks down at a table sees what stands around it, and no walls."""
+    low, high = room.low.copy(), room.high
+    off = [_height(flat, room) - low[1] for flat in flats]
+    nearest = min(off, key=abs, default=np.inf)
+    if abs(nearest) < TUNING.wall_beside * (high[1] - low[1]):
+        low[1] += nearest
+    top = float(np.quantile(np.concatenate(each(room.wall_heights, views)), TUNING.wall_far))
+    return replace(
+        room, low=low, high=np.array([high[0], min(high[1], top), high[2]]) if top < 0 else high, cut=top < 0
+    )
+
+
+def _height(flat: Flat, room: Room) -> float:
+    """How high a plane lies in a room, from its middle; infinite where it is not level."""
+    cosine = float(flat.normal @ room.axes[1])
+    level = abs(cosine) > TUNING.wall_square
+    return float(np.sign(cosine) * (flat.offset - flat.normal @ room.middle)) if level else np.inf
 
 
 def hung(
@@ -211,7 +260,7 @@ def _box(views: Sequence[DepthMap], axes: F64) -> Room | None:
     stands below it, and where it is higher than most rooms are and has no sure ceiling, as a street."""
     eyes = np.stack([view.camera.position for view in views])
     middle = np.median(eyes, axis=0)
-    at, stood = turned(np.concatenate(each(_told, views)) - middle, axes), turned(eyes - middle, axes)
+    at, stood = turned(np.concatenate(each(sure_points, views)) - middle, axes), turned(eyes - middle, axes)
     if len(at) < TUNING.flat_fewest:
         return None
     low, high = np.zeros(3), np.zeros(3)
@@ -240,12 +289,6 @@ def _has_ceiling(room: Room, views: Sequence[DepthMap]) -> bool:
     """Whether much of what views show surely above the walls is on one plane; fronts of a street end anywhere."""
     sure, on = np.sum(each(room.shown_above, views), axis=0)
     return bool(on > TUNING.wall_ceiling * sure)
-
-
-def _told(view: DepthMap) -> F64:
-    """(N, 3) points that a view is sure of."""
-    points, _, trust = points_of(view, TUNING.wall_step)
-    return points[trust > TUNING.wall_sure]
 
 
 def _is_closed(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> bool:

@@ -209,6 +209,14 @@ _KIND = (
         shooting=replace(_LONGER, spp=32),
     ),
     _Plan("bust", "bust", "bust, trained", "soft boxes", ("low sun", "clouds", "lamp"), shooting=Shooting()),
+    _Plan(
+        "product",
+        "product",
+        "white table, trained",
+        "soft boxes",
+        ("sun", "clouds", "lamp"),
+        shooting=Shooting(textured=True),
+    ),
     _Plan("street", "street", "street, trained", "clouds", ("clear day", "low sun", "lanterns"), shooting=_LONGER),
     _Plan(
         "flat", "flat", "flat, trained", "sunny", ("overcast", "lamps", "low sun"), shooting=replace(_LONGER, spp=32)
@@ -242,6 +250,7 @@ APART = {  # eye and target between the cameras that a capture is made from
     "painted": ((0.95, 1.5, 0.85), (-0.03, 0.85, 0), 46),
     "farm": ((12.5, 10.0, 13.0), (0.5, 1.0, 0.5), 46),
     "bust": ((0.39, 0.58, 1.06), (0.0, 0.165, 0.0), 27),
+    "product": ((0.39, 0.58, 1.06), (0.0, 0.13, 0.0), 34),
     "hall": ((2.8, 1.55, 1.9), (-0.8, 1.35, -0.7), 52),
     "street": ((4.6, 1.65, 1.4), (-1.5, 1.7, -0.9), 54),
     "flat": ((-0.55, 1.5, 1.2), (-2.9, 1.0, -0.9), 60),

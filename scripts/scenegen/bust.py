@@ -35,7 +35,7 @@ def surfaces() -> dict[str, Surface]:
     }
 
 
-def _duck() -> list[Part]:
+def duck() -> list[Part]:
     """A duck with a hat and boots: matt, as smooth as toys are."""
     ball = 36
     body = blob((0, 0.155, 0), (0.085, 0.08, 0.105), "body", 0.01, 1, ball)
@@ -57,14 +57,13 @@ def _duck() -> list[Part]:
     return [body, belly, tail, head, neck, beak, *eyes, *wings, hat, scarf, end, *legs, *boots]
 
 
-def _things() -> list[Part]:
-    """A basket with a thin handle beside it, a block, and the stand under all."""
-    stand = lathe([(0, 0), (0.2, 0), (0.205, 0.006), (0.205, 0.029), (0.2, STAND), (0, STAND)], "stand", 72)
+def beside() -> list[Part]:
+    """A basket with a thin handle, and a block."""
     basket = lathe([(0, 0), (0.03, 0), (0.038, 0.05), (0.034, 0.05), (0.028, 0.006), (0, 0.006)], "wing", 36)
     at = place(0.13, STAND, 0.06)
     arch = spline([[-0.036, 0.045, 0], [-0.03, 0.09, 0], [0, 0.112, 0], [0.03, 0.09, 0], [0.036, 0.045, 0]], 40)
     block = boxes((-0.13, STAND + 0.022, 0.07), (0.044, 0.044, 0.044), "belly", bevel=0.003, frames=_turned(28))
-    return [stand, basket.moved(at), tube(arch, 0.0035, "handle", 10).moved(at), block]
+    return [basket.moved(at), tube(arch, 0.0035, "handle", 10).moved(at), block]
 
 
 def _turned(degrees: float) -> F64:
@@ -73,7 +72,8 @@ def _turned(degrees: float) -> F64:
 
 def looks() -> Looks:
     """Geometry and materials."""
-    return Looks(soups=soups(_duck() + _things()), surfaces=surfaces())
+    stand = lathe([(0, 0), (0.2, 0), (0.205, 0.006), (0.205, 0.029), (0.2, STAND), (0, STAND)], "stand", 72)
+    return Looks(soups=soups([*duck(), stand, *beside()]), surfaces=surfaces())
 
 
 def _softbox(name: str, azimuth: float, elevation: float, size: tuple[float, float], radiance: float) -> AreaLight:

@@ -206,3 +206,12 @@ def test_a_plane_in_finer_cells_lies_where_it_lay() -> None:
     np.testing.assert_allclose(ground.off(at), 0, atol=1e-12)
     within = (at[:, 0] > -0.75) & (at[:, 0] < 0.75)  # beyond the outermost middles it goes on level
     np.testing.assert_allclose(at[within, 1], 2 + 0.1 * (at[within, 0] / 0.5 + 1.5), atol=1e-12)
+
+
+def test_a_slice_of_fog_is_no_plane() -> None:
+    """The same points, of which little is sure, are one where that is asked for: plain walls are so."""
+    views = [view(x) for x in (-1.0, 0.0, 1.0)]
+    foggy = [replace(x, trust=(0.05 * x.trust).astype(np.float32)) for x in views]
+    assert flats_of(views, SPACING, 10.0)
+    assert flats_of(foggy, SPACING, 10.0) == []
+    assert flats_of(foggy, SPACING, 10.0, least=0)

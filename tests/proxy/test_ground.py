@@ -10,7 +10,7 @@ import pytest
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import flats_of
-from mirelight.proxy.ground import carried_on, closer
+from mirelight.proxy.ground import carried_on, closer, ground_of
 from mirelight.proxy.labels import Sky, flattened
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
@@ -39,10 +39,10 @@ def test_ground_is_what_nothing_lies_below(beyond: float | None) -> None:
     views = [view(x, beyond) for x in (-1.0, 0.0, 1.0)]
     flats = flats_of(views, SPACING, 10.0)
     plane = next(x for x in flats if abs(x.offset) < 0.1)
-    (whole,) = carried_on([plane], views, SPACING)
+    assert ground_of([plane], views, SPACING) == (0 if beyond is None else None)
     if beyond is not None:
-        assert whole is plane
         return
+    (whole,) = carried_on([plane], 0, views, SPACING)
     assert not plane.there.all()
     assert whole.there.all()
     before, after = views[0], flattened(views[0], [whole], SPACING, Sky(TUNING.fog))
@@ -57,7 +57,9 @@ def test_a_wall_along_a_street_is_no_ground_though_nothing_lies_behind_it() -> N
     views = [view(x, None) for x in (-1.0, 0.0, 1.0)]
     plane = next(x for x in flats_of(views, SPACING, 10.0) if abs(x.offset) < 0.1)
     wall = replace(plane, normal=np.array([0.0, 0, 1]), offset=-20.0, axes=np.eye(3)[:2])
-    kept, ground = carried_on([wall, plane], views, SPACING, np.array([0.0, 1, 0]))
+    at = ground_of([wall, plane], views, SPACING, np.array([0.0, 1, 0]))
+    assert at == 1
+    kept, ground = carried_on([wall, plane], at, views, SPACING)
     assert kept is wall
     assert ground.there.all()
 
@@ -67,7 +69,7 @@ def test_a_lawn_lies_lower_than_the_paving_in_it() -> None:
     lower = -2.4 * spacing  # nearer than a second plane may be
     views = [view(x, lower) for x in (-1.0, 0.0, 1.0)]
     paving = next(x for x in flats_of([view(x, None) for x in (-1.0, 0.0, 1.0)], spacing, 10.0) if abs(x.offset) < 0.1)
-    (ground,) = carried_on([paving], views, spacing)
+    (ground,) = carried_on([paving], 0, views, spacing)
     after = flattened(views[0], [ground], spacing, Sky(TUNING.fog))
     origins, ways = rays(after.camera)
     at = origins + ways * after.depth[..., None]

@@ -10,6 +10,7 @@ import pytest
 
 from mirelight.model import F64, Camera
 from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.flats import Flat
 from mirelight.proxy.labels import Sky, flattened, labelled
 from mirelight.proxy.openings import Window
 from mirelight.proxy.tuning import TUNING
@@ -200,3 +201,42 @@ def test_a_patch_of_sun_that_hangs_before_a_wall_is_on_it_and_what_is_sure_stays
     lit = room.sunlit(white)
     np.testing.assert_allclose(lit.depth[wall & ~sure], depth[wall & ~sure], rtol=1e-6)
     np.testing.assert_array_equal(lit.depth[sure | ~wall], white.depth[sure | ~wall])
+
+
+def test_walls_end_where_pictures_do_that_only_look_down() -> None:
+    """Whoever looks down at a table sees what stands around it, and the sun may come in above that."""
+    up = [shown(camera, by_place, seed=k) for k, camera in enumerate(walked(1.0))]
+    down = [shown(camera, by_place, seed=k) for k, camera in enumerate(walked(0.35))]
+    whole, room = room_of(up, [], UP), room_of(down, [], UP)
+    assert whole is not None and not whole.cut and whole.top is None
+    assert room is not None and room.cut and room.top is not None
+    way, high = room.top
+    np.testing.assert_allclose(way, UP)
+    tops = []  # of the true walls, as pictures show them
+    for view in down:
+        origins, directions = rays(view.camera)
+        ahead = np.where(np.abs(directions) > 1e-9, directions, 1e-9)
+        depth = ((np.where(ahead > 0, HIGH, LOW) - origins) / ahead).min(axis=-1)
+        place = (origins + directions * depth[..., None])[..., 1]
+        tops.append(place[place > 1e-6])
+    assert high == pytest.approx(np.quantile(np.concatenate(tops), 0.98), abs=0.05)
+    assert high < 1.5
+    for wall in room.flats(down, SPACING)[1:5]:
+        assert wall.middles[wall.there.ravel(), 1].max() < high + wall.cell
+
+
+def test_a_floor_that_is_seen_is_the_rooms_own_and_goes_on_to_its_walls() -> None:
+    _, views = found_in(by_place)
+    seen = Flat(UP, 0.03, np.array([[1.0, 0, 0], [0, 0, 1]]), 0.06, np.array([-8, -8]), np.ones((16, 16), bool))
+    table = replace(seen, offset=0.7)
+    room = room_of(views, [table, seen], UP)
+    assert room is not None
+    walls = room.flats(views, SPACING)
+    (floor, kept), sides = room.floored([table, seen], walls)
+    assert kept is table
+    assert len(sides) == len(walls) - 1
+    assert floor.normal @ UP == pytest.approx(1)
+    assert floor.offset == pytest.approx(0.03)
+    assert floor.inside(np.array([[2.2, 0.03, 1.7], [-2.2, 0.03, -1.7]])).all()
+    planes, same = room.floored([table], walls)
+    assert planes == [table] and same == walls

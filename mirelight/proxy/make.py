@@ -246,9 +246,11 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
         flats = closed_by(flats, lids)
     if sky.fog and not room:
         flats = _with_ground(capture, views, flats, up, guessed=guessed)
-    flats = even(flats, views, capture.spacing, capture.radius)
+    own = len(walls) - len(sides)  # the room's floor, if it is seen
+    flats = [*flats[:own], *even(flats[own:], views, capture.spacing, capture.radius)]
     flats, many = ended([*flats, *sides]), len(flats)
-    views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3), walls=range(many, len(flats)))
+    guesses = [*range(own), *range(many, len(flats))]
+    views = _on_planes(views, flats, capture.spacing, sky, part(report, 0.2, 0.3), walls=guesses)
     grid = fuse(views, capture.half, TUNING.cell * capture.spacing, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
     soup = _surface(grid, flats)
@@ -382,5 +384,5 @@ def _refuse_depth(capture: Capture, maps: DepthMaps, views: list[DepthMap], came
     few = views[:: -(-len(views) // TUNING.make_fog_views)]
     spread = float(np.median([np.median(x) for view in few if len(x := maps.blended_over(view.camera))]))
     spread /= capture.radius
-    if spread > TUNING.make_fog:
+    if spread > (TUNING.make_fog_shown if cameras else TUNING.make_fog):
         raise InputError(source, f"no surface: splats blend over a depth of {spread:.0%} of its radius", remedy)

@@ -21,6 +21,7 @@ class ThingTuning:
     # things on a ground that are as plain as it (`things`)
     thing_height: float = 4.0  # tolerances: what is higher stands on it
     thing_gap: int = 6  # cells, half the gaps in what stands there that are closed
+    thing_top: float = 0.95  # of its cells are no higher than it is: what hangs above it is sure, too, now and then
     thing_foot: float = 0.5  # of its height: what has no sure point below hangs in the air
     thing_heights: int = 12  # up to the highest, at which a ray is asked for
     thing_around: int = 2  # cells beside what is sure of it, and

@@ -134,14 +134,16 @@ def _standing(there: Bool, low: F64, high: F64) -> tuple[Int, F64]:
         there: cells with something above them.
         low, high: (I, J) the lowest and the highest point above each.
     """
-    from scipy.ndimage import label, maximum, minimum
+    from scipy.ndimage import label
 
     of, many = label(there, np.ones((3, 3)))
-    pieces = np.arange(1, many + 1)
-    if not many:
-        return of, np.zeros(1)
-    lowest, tall = np.asarray(minimum(low, of, pieces)), np.asarray(maximum(high, of, pieces))
-    return of, np.concatenate([[0.0], np.where(lowest < THINGS.thing_foot * tall, tall, 0.0)])
+    tall = np.zeros(many + 1)
+    for k in range(1, many + 1):
+        own = (of == k) & np.isfinite(low)
+        if own.any():
+            top = float(np.quantile(high[own], THINGS.thing_top))
+            tall[k] = top if low[own].min() < THINGS.thing_foot * top else 0.0
+    return of, tall
 
 
 def _without_spots(there: Bool) -> Bool:

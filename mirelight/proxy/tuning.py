@@ -335,6 +335,7 @@ class Tuning:
     make_least_opaque: float = 0.005  # of the pixels around a capture; less is no surface
     make_least_seen: float = 0.5  # of the splats, that the cameras of their own capture have in their pictures
     make_fog: float = 0.12  # of the capture's radius: splats that blend over such a depth, as a median, are fog
+    make_fog_shown: float = 0.19  # the same by its own cameras: white rooms and tables 0.12, which these tell
     make_fog_views: int = 8  # that are asked for that
 
     # how planes of the whole surface are found (`flats`)

@@ -72,10 +72,10 @@ class Room:
         _, place, wall = self.left(view)
         return float((~wall & (place[..., 1] > 0)).mean())
 
-    def wall_heights(self, view: DepthMap) -> F64:
-        """(N,) how high, from its middle, the view shows its walls, if those are there."""
+    def highest(self, view: DepthMap) -> float:
+        """How high, from its middle, the view shows its walls, if those are there."""
         _, place, wall = self.left(view)
-        return np.asarray(place[..., 1][wall & (view.alpha > TUNING.depth_opaque)])
+        return float(place[..., 1].max(where=wall & (view.alpha > TUNING.depth_opaque), initial=-np.inf))
 
     def is_shown_level(self, views: Sequence[DepthMap]) -> bool:
         """Whether views show its walls all round higher than they were taken from; else little tells where those are,
@@ -161,15 +161,15 @@ def room_of(views: Sequence[DepthMap], flats: Sequence[Flat], up: F64 | None) ->
 def _as_shown(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> Room:
     """The room with its floor on the plane that tells it best, if any, and walls that end where pictures do if these
     show none as high as they were taken from: who looks down at a table sees what stands around it, and no walls."""
-    low, high = room.low.copy(), room.high
+    low, high = room.low.copy(), room.high.copy()
     off = [_height(flat, room) - low[1] for flat in flats]
     nearest = min(off, key=abs, default=np.inf)
     if abs(nearest) < TUNING.wall_beside * (high[1] - low[1]):
         low[1] += nearest
-    top = float(np.quantile(np.concatenate(each(room.wall_heights, views)), TUNING.wall_far))
-    return replace(
-        room, low=low, high=np.array([high[0], min(high[1], top), high[2]]) if top < 0 else high, cut=top < 0
-    )
+    top = max(each(room.highest, views))
+    if top < 0:
+        high[1] = top
+    return replace(room, low=low, high=high, cut=top < 0)
 
 
 def _height(flat: Flat, room: Room) -> float:

@@ -451,6 +451,21 @@ def test_fog_is_refused_by_the_line_of_the_proxys_maker(tmp_path: Path) -> None:
     assert tomllib.loads(job_for(path, tmp_path, Wish(light="sun")).text)["proxy"] == "splats"
 
 
+@pytest.mark.parametrize(("opacity", "refused"), [(0.05, True), (0.5, False)])
+def test_splats_that_blend_as_deep_as_a_white_room_are_no_fog_by_their_own_cameras(
+    opacity: float, refused: bool
+) -> None:
+    cameras = [
+        Camera.look_at((6 * np.cos(a), 1.0, 6 * np.sin(a)), (0, 0, 0), 96, 72, yfov=60, near=0.01)
+        for a in np.arange(8) * np.pi / 4
+    ]
+    if refused:
+        with pytest.raises(InputError, match="splats blend over a depth of 21% of its radius"):
+            make(fog(opacity), cameras=cameras)
+    else:
+        assert make(fog(opacity), cameras=cameras).mesh.faces.size
+
+
 def flat(mesh: ProxyMesh) -> ProxyMesh:
     return replace(mesh, vertices=mesh.vertices * np.array([1, 0, 0], np.float32))
 

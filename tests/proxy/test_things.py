@@ -13,7 +13,7 @@ from mirelight.proxy.flats import Flat
 from mirelight.proxy.foot import foot_of
 from mirelight.proxy.labels import labelled
 from mirelight.proxy.looks import Look
-from mirelight.proxy.things import Things
+from mirelight.proxy.things import Things, _heights
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 
@@ -114,6 +114,18 @@ def test_what_shines_in_a_thing_looks_like_the_ground_and_is_not() -> None:
     color[row - 3 : row + 3, column - 3 : column + 3] = WHITE
     _, on = kept([*seen[:11], replace(seen[11], color=color), *seen[12:]], ground, 11)
     assert not on[row - 3 : row + 3, column - 3 : column + 3].any()
+
+
+def test_a_gap_between_walls_that_nothing_is_seen_of_is_no_thing_of_its_own() -> None:
+    """The ground is surely seen on both its sides."""
+    ground = Flat(UP, 0.0, np.eye(3)[[0, 2]], 0.1, np.zeros(2, int), np.ones((7, 20), bool), np.zeros((7, 20)))
+    along = np.arange(20)
+    cells = np.concatenate([np.stack([np.full(20, k), along], axis=1) for k in (0, 6, 1, 2, 4, 5)])
+    high = np.repeat([1.0, 1.0, 0, 0, 0, 0], 20)
+    cells, high = np.concatenate([cells, cells[:40]]), np.concatenate([high, np.full(40, 0.1)])  # the walls' feet
+    height = _heights(ground, cells, high, 0.02)
+    np.testing.assert_array_equal(height[[0, 6]], 1.0)
+    assert not height[1:6].any()
 
 
 def test_what_hangs_above_a_guessed_ground_is_fog_and_above_one_that_is_seen_is_not() -> None:

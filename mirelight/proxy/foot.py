@@ -72,8 +72,9 @@ def _reaching(normal: F64, offset: float, views: Sequence[DepthMap], spacing: fl
     """The plane as far as views show anything, but where they surely look through it."""
     at = np.concatenate(each(lambda view: points_of(view, TUNING.flat_step)[0], views))
     along, cell = axes_of(normal), TUNING.plane_cell * spacing
-    ends = np.quantile(turned(at[dot(at, at) < radius * radius], along), THINGS.foot_reach, axis=0) / cell
+    near = at[dot(at, at) < radius * radius]
+    ends = np.quantile(turned(near if len(near) else at, along), THINGS.foot_reach, axis=0) / cell
     low = np.floor(ends[0]).astype(np.int64)
-    size = tuple(np.ceil(ends[1]).astype(np.int64) - low)
+    size = tuple(np.ceil(ends[1]).astype(np.int64) + 1 - low)
     whole = Flat(normal, offset, along, cell, low, np.ones(size, bool), np.zeros(size), told=False)
     return replace(whole, there=~seen_through(whole, views, TUNING.plane_tolerance * spacing))

@@ -11,6 +11,7 @@ import numpy as np
 
 from mirelight.base import colour
 from mirelight.model import F32, Camera, Frame, LightingBuffer, Provenance, RelightSettings, SplatLayer, rules_of
+from mirelight.relighting.factor_extension import Continuation
 from mirelight.relighting.far import Far
 from mirelight.relighting.lobes import glossed, matt_share
 from mirelight.relighting.mode import Lit, Task
@@ -174,10 +175,28 @@ def covered(relit: F32, factor: F32 | None, front: SplatLayer | None, objects: F
     """
     if front is None or factor is None:  # the light of the proxy beside them is premultiplied by what is seen of it
         return np.asarray(relit + objects, np.float32)
-    before = multiplied(front, unlit_rgba(front), factor, settings)
+    before = multiplied(front, unlit_rgba(front), _beside(factor, front, objects[..., 3], settings), settings)
     return np.asarray(
         before + (1 - objects[..., 3:]) * (relit - before) + front.transmittance[..., None] * objects, np.float32
     )
+
+
+def _beside(factor: F32, front: SplatLayer, share: F32, settings: RelightSettings) -> F32:
+    """(H, W, 3) the factor of what is in front of objects: that of what is seen beside these, continued over them.
+
+    The factor of their own pixels is that of the surface behind them, which lies in their shadow; a tint has it, as the
+    real-time engine does.
+
+    Args:
+        factor: (H, W, 3) of the picture without them.
+        front: the splats in front of them.
+        share: (H, W) their coverage.
+        settings: the frame's own.
+    """
+    clear = share <= 0
+    if settings.mode == "tint" or clear.all() or not (front.transmittance[~clear] < 1).any():
+        return factor
+    return Continuation(clear)(factor.copy(), factor)
 
 
 def unlit_rgba(splats: SplatLayer) -> F32:

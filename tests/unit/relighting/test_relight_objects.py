@@ -9,6 +9,7 @@ import numpy as np
 
 from mirelight import relighting
 from mirelight.model import Frame, SplatLayer
+from mirelight.relighting.frame import covered
 
 from .test_relight import RATIO, H, W, camera, lit, splat_layer
 
@@ -68,3 +69,28 @@ def test_the_shadow_is_light_with_objects_over_light_without() -> None:
     np.testing.assert_allclose(made, 0.75, rtol=1e-5)
     np.testing.assert_array_equal(relighting.shadow(lit(0.3, coverage=0.0), lit(0.4), camera()), 1)
     np.testing.assert_array_equal(relighting.shadow(lit(0.3), lit(0.0), camera()), 1)
+
+
+def test_what_is_in_front_is_lit_as_what_is_beside_the_object_and_not_as_what_it_hides() -> None:
+    """A fog before a box: the ground behind the box is black, as it lies in its shadow; the engine's tint has that."""
+    size, wide = (60, 200), slice(98, 102)
+    share = np.zeros(size, np.float32)
+    share[:, wide] = 1
+    objects = np.concatenate([np.full((*size, 3), 0.2), np.ones((*size, 1))], axis=-1).astype(np.float32)
+    objects *= share[..., None]
+    factor = np.repeat(np.where(share > 0, 0, 1)[..., None], 3, axis=-1).astype(np.float32)
+    front = replace(
+        splat_layer(),
+        camera=camera().resized(size[1], size[0]),
+        transmittance=np.full(size, 0.5, np.float32),
+        color=np.full((*size, 3), 0.5, np.float32),
+        depth=np.ones(size, np.float32),
+        median_depth=np.ones(size, np.float32),
+    )
+    behind = np.ones((*size, 4), np.float32)
+    made = covered(behind, factor, front, objects, RATIO)
+    np.testing.assert_allclose(made[:, wide, :3], 0.5 + 0.5 * 0.2, atol=0.01)
+    np.testing.assert_array_equal(made[share == 0], behind[share == 0])
+    tinted = covered(behind, factor, front, objects, replace(RATIO, mode="tint"))
+    np.testing.assert_allclose(tinted[:, wide, :3], 0.5 * 0.2, rtol=1e-5)
+    assert (factor[:, wide] == 0).all()  # the frame's own stays

@@ -184,8 +184,8 @@ def covered(relit: F32, factor: F32 | None, front: SplatLayer | None, objects: F
 def _beside(factor: F32, front: SplatLayer, share: F32, settings: RelightSettings) -> F32:
     """(H, W, 3) the factor of what is in front of objects: that of what is seen beside these, continued over them.
 
-    The factor of their own pixels is that of the surface behind them, which lies in their shadow; a tint has it, as the
-    real-time engine does.
+    The factor of their own pixels is that of the surface behind them, which lies in their shadow; the profile of the
+    real-time engine has that, as the engine does.
 
     Args:
         factor: (H, W, 3) of the picture without them.
@@ -194,7 +194,8 @@ def _beside(factor: F32, front: SplatLayer, share: F32, settings: RelightSetting
         settings: the frame's own.
     """
     clear = share <= 0
-    if settings.mode == "tint" or clear.all() or not (front.transmittance[~clear] < 1).any():
+    veiled = rules_of(settings.profile).path_traced and (front.transmittance[~clear] < 1).any()
+    if not veiled:
         return factor
     return Continuation(clear)(factor.copy(), factor)
 

@@ -72,7 +72,7 @@ def test_the_shadow_is_light_with_objects_over_light_without() -> None:
 
 
 def test_what_is_in_front_is_lit_as_what_is_beside_the_object_and_not_as_what_it_hides() -> None:
-    """A fog before a box: the ground behind the box is black, as it lies in its shadow; the engine's tint has that."""
+    """A fog before a box: the ground behind the box is black, as it lies in its shadow; the engine has that."""
     size, wide = (60, 200), slice(98, 102)
     share = np.zeros(size, np.float32)
     share[:, wide] = 1
@@ -91,6 +91,6 @@ def test_what_is_in_front_is_lit_as_what_is_beside_the_object_and_not_as_what_it
     made = covered(behind, factor, front, objects, RATIO)
     np.testing.assert_allclose(made[:, wide, :3], 0.5 + 0.5 * 0.2, atol=0.01)
     np.testing.assert_array_equal(made[share == 0], behind[share == 0])
-    tinted = covered(behind, factor, front, objects, replace(RATIO, mode="tint"))
+    tinted = covered(behind, factor, front, objects, replace(RATIO, profile="playcanvas"))
     np.testing.assert_allclose(tinted[:, wide, :3], 0.5 * 0.2, rtol=1e-5)
     assert (factor[:, wide] == 0).all()  # the frame's own stays

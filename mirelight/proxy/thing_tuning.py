@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThingTuning:
-    """Decided on photographs of a mouse on a white table; held against a trained street, a park and a white table that
-    were not looked at (`docs/benchmarks/proxies.md`).
+    """Decided on photographs of a mouse on a white table; held against a trained street, a park and a white table, on
+    which none of these was tuned (`docs/benchmarks/proxies.md`).
     """
 
     # grounds that no picture tells (`foot`)

@@ -134,16 +134,15 @@ def _standing(there: Bool, low: F64, high: F64) -> tuple[Int, F64]:
         there: cells with something above them.
         low, high: (I, J) the lowest and the highest point above each.
     """
-    from scipy.ndimage import label
+    from scipy.ndimage import label, labeled_comprehension, minimum
 
     of, many = label(there, np.ones((3, 3)))
-    tall = np.zeros(many + 1)
-    for k in range(1, many + 1):
-        own = (of == k) & np.isfinite(low)
-        if own.any():
-            top = float(np.quantile(high[own], THINGS.thing_top))
-            tall[k] = top if low[own].min() < THINGS.thing_foot * top else 0.0
-    return of, tall
+    if not many:
+        return of, np.zeros(1)
+    pieces, known = np.arange(1, many + 1), np.where(np.isfinite(low), of, 0)
+    top = labeled_comprehension(high, known, pieces, lambda x: np.quantile(x, THINGS.thing_top), float, 0.0)
+    stands = np.asarray(minimum(low, of, pieces)) < THINGS.thing_foot * top
+    return of, np.concatenate([[0.0], np.where(stands, top, 0.0)])
 
 
 def _without_spots(there: Bool) -> Bool:

@@ -35,7 +35,11 @@ class Room:
     low: F64  # (3,) where its sides are along these from the middle
     high: F64
     roofed: bool = False  # whether pictures show a ceiling
-    cut: bool = False  # whether its walls end where pictures do
+
+    @property
+    def cut(self) -> bool:
+        """Whether its walls end where pictures do, lower than cameras stood."""
+        return bool(self.high[1] < 0)
 
     @property
     def top(self) -> tuple[F64, float] | None:
@@ -169,7 +173,7 @@ def _as_shown(room: Room, views: Sequence[DepthMap], flats: Sequence[Flat]) -> R
     top = max(each(room.highest, views))
     if top < 0:
         high[1] = top
-    return replace(room, low=low, high=high, cut=top < 0)
+    return replace(room, low=low, high=high)
 
 
 def _height(flat: Flat, room: Room) -> float:

@@ -1,6 +1,6 @@
 """A toy on a white table before white boards, as sellers photograph things: only the toy tells where it is.
 
-Nobody tuned to it; only for `scripts/bench truth`.
+Where guessed walls end was found on it, and nothing else tuned; only for `scripts/bench truth`.
 """
 
 from __future__ import annotations

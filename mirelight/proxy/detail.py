@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64, Camera
 from mirelight.proxy.capture import Capture, spacing_of
-from mirelight.proxy.depth import DepthMap, footprint, shows
-from mirelight.proxy.flats import Flat
-from mirelight.proxy.tidy import compact
+from mirelight.proxy.depth import DepthMap, footprint, points_of, shows
+from mirelight.proxy.flats import Flat, votes
+from mirelight.proxy.ground import lift_of
+from mirelight.proxy.tidy import compact, parts_of
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import Soup
+from mirelight.proxy.types import Soup, corners_of
 from mirelight.proxy.views import close_ups, rays
 
 
@@ -52,33 +53,67 @@ class Core:
         here = self.holds(origins + directions * view.depth[..., None], margin) & (view.depth > 0)
         return replace(view, depth=np.where(here, view.depth, np.float32(0)))
 
+    def amid(self, view: DepthMap, whole: DepthMap) -> DepthMap:
+        """A view of it alone with what the whole one shows beside it: past a table's rim is the floor."""
+        return replace(view, depth=np.where(view.depth > 0, view.depth, whole.depth))
+
 
 def core_of(capture: Capture, cameras: Sequence[Camera], coarse: float) -> Core | None:
     """What most of the cameras show, where its splats lie much closer than others, or than cells that hold all strays
     can tell; None: nothing, or no closer.
 
-    Of a room, which is looked at from its midst, no place is in most pictures.
+    Cameras that stand on one side of a thing all show what lies behind it, too: then what they are turned to, and all
+    that is about as near, is asked for itself. Of a room, which is looked at from its midst, no place is in most
+    pictures.
 
     Args:
         capture: the splats.
         cameras: those of its pictures, around the origin as the capture is.
         coarse: spacing that the whole surface was found in, world units.
     """
+    away = _turned_to(cameras)
+    limits = (np.inf,) if away is None else (np.inf, TUNING.detail_near * away)
+    found = [x for x in (_shown_by_most(capture, cameras, far) for far in limits) if x is not None]
+    finer = [x for x in found if x.spacing <= TUNING.detail_finer * capture.spacing]
+    if finer:
+        return replace(finer[0], spacing=TUNING.detail_share * finer[0].spacing)
+    # its splats are no closer than others: then in the cells that the whole would have without its strays
+    finer = [x for x in found if x.spacing <= TUNING.detail_finer * coarse]
+    return replace(finer[0], spacing=capture.spacing) if finer else None
+
+
+def _shown_by_most(capture: Capture, cameras: Sequence[Camera], far: float) -> Core | None:
+    """What most of the cameras show no farther ahead than that, and how far its splats or its pixels are apart."""
     means = capture.splats.means
     shown = np.zeros(len(means), np.int64)
     for camera in cameras:
-        shown += shows(camera, means)
+        ahead = (camera.position - means) @ camera.world_from_camera[:3, 2]
+        shown += shows(camera, means) & (ahead < far)
     inside = shown >= TUNING.detail_seen * len(cameras)
     if inside.sum() < TUNING.detail_fewest:
         return None
     at = means[inside].astype(np.float64)
     low, high = np.quantile(at, [TUNING.detail_rim, 1 - TUNING.detail_rim], axis=0)
+    apart = spacing_of(means.astype(np.float64), at)
+    low, high = low - TUNING.detail_lid * apart, high + TUNING.detail_lid * apart
     closer = close_ups(cameras, low - capture.spacing, high + capture.spacing)
-    spacing = max(spacing_of(means.astype(np.float64), at), TUNING.make_grain * footprint(closer, means[inside]))
-    if spacing <= TUNING.detail_finer * capture.spacing:
-        return Core(low, high, closer, TUNING.detail_share * spacing)
-    # its splats are no closer than others: then in the cells that the whole would have without its strays
-    return Core(low, high, closer, capture.spacing) if spacing <= TUNING.detail_finer * coarse else None
+    spacing = max(apart, TUNING.make_grain * footprint(closer, means[inside]))
+    return Core(low, high, closer, spacing)
+
+
+def _turned_to(cameras: Sequence[Camera]) -> float | None:
+    """How far ahead of cameras, in the median, the point lies that is nearest to the lines along which they look; None
+    where they do not look at one."""
+    eyes = np.stack([x.position for x in cameras])
+    ways = np.stack([-x.world_from_camera[:3, 2] for x in cameras])
+    across = np.eye(3) - ways[:, :, None] * ways[:, None, :]
+    total = across.sum(axis=0)
+    if np.linalg.eigvalsh(total)[0] < TUNING.detail_turned * len(cameras):
+        return None
+    middle = np.linalg.solve(total, np.einsum("nij,nj->i", across, eyes))
+    ahead = np.einsum("ni,ni->n", middle - eyes, ways)
+    aside = np.linalg.norm(middle - eyes - ahead[:, None] * ways, axis=1)
+    return float(np.median(ahead)) if np.median(aside / np.maximum(ahead, 1e-9)) < TUNING.detail_aside else None
 
 
 def others(fine: Sequence[Flat], flats: Sequence[Flat], tolerance: float) -> list[Flat]:
@@ -90,6 +125,67 @@ def others(fine: Sequence[Flat], flats: Sequence[Flat], tolerance: float) -> lis
         return bool(near.mean() > 0.5 and abs(float(one.normal @ other.normal)) > TUNING.plane_cosine)
 
     return [one for one in fine if not any(same(one, other) for other in flats)]
+
+
+def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMap], tolerance: float) -> Flat:
+    """A plane in a box and in finer cells, as views of that tell: where it ends, or, of a ground that rises and falls,
+    how high it is; at the box's sides that is as before.
+
+    Args:
+        flat: a plane; one of which views tell nothing stays as it is.
+        low, high: (3,) corners of the box.
+        cell: side of its cells, world units.
+        views: maps of what is in the box.
+        tolerance: as for :func:`carried_on`.
+    """
+    if not flat.told:
+        return flat
+    corners = corners_of(low, high)
+    ends = np.einsum("ni,ki->nk", corners, flat.axes) / cell
+    first = np.floor(ends.min(axis=0)).astype(np.int64)
+    size = np.ceil(ends.max(axis=0)).astype(np.int64) - first + 1
+    bare = Flat(flat.normal, flat.offset, flat.axes, cell, first, np.ones(tuple(size), bool))
+    at = bare.middles
+    bare = replace(bare, there=flat.inside(at).reshape(tuple(size)))
+    if flat.lift is None:
+        return replace(bare, there=_not_seen_past(bare, views, tolerance))
+    before = flat.lifted(at).reshape(tuple(size))
+    own = replace(bare, lift=before)
+    across = np.abs(flat.normal) < TUNING.ground_facing  # sides that stand on it
+    away = np.minimum(at - low, high - at)[:, across].min(axis=1).reshape(tuple(size))
+    share = np.clip(away / (TUNING.ground_fades * tolerance), 0, 1)
+    return replace(own, lift=before + share * lift_of(own, views, tolerance))
+
+
+def _not_seen_past(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> NDArray[np.bool_]:
+    """(I, J) its cells without those around it that views look through rather than see; amid others things stand."""
+    from scipy.ndimage import binary_fill_holes, gaussian_filter
+
+    held, through, _ = votes(flat, views, tolerance)
+    past = gaussian_filter(through - held, TUNING.detail_past) > 0
+    return np.asarray(binary_fill_holes(flat.there & ~past) & flat.there)
+
+
+def without_fog(fine: Soup, views: Sequence[DepthMap], spacing: float) -> Soup:
+    """A core's surface without parts by themselves of which hardly anything is sure: things stand on something, and
+    smooth plastic, of which nothing is, has rims that are; what hangs in the air and has none is fog.
+
+    Args:
+        fine: the surface.
+        views: the maps that it was made of.
+        spacing: what counts is as near to a point that views are sure of as twice that, world units.
+    """
+    from scipy.spatial import cKDTree
+
+    found = (points_of(view, TUNING.sure_step) for view in views)
+    sure = np.concatenate([points[trust > TUNING.fog] for points, _, trust in found])
+    if not len(fine.faces) or not len(sure):
+        return fine
+    part, some = parts_of(fine.faces), slice(None, None, TUNING.detail_looked)
+    away, _ = cKDTree(sure).query(fine.vertices[fine.faces[some]].mean(axis=1), distance_upper_bound=2 * spacing)
+    count, known = (np.bincount(part[some], x, part.max() + 1) for x in (None, np.isfinite(away)))
+    kept = known >= TUNING.detail_sure * count
+    return compact(Soup(fine.vertices, fine.faces[kept[part]]))
 
 
 def with_core(whole: Soup, fine: Soup, core: Core, cell: float) -> Soup:

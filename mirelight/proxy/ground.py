@@ -16,7 +16,6 @@ from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.flats import Flat, seen_through
 from mirelight.proxy.tuning import TUNING
-from mirelight.proxy.types import corners_of
 
 
 def ground_of(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float, up: F64 | None = None) -> int | None:
@@ -37,36 +36,10 @@ def carried_on(flats: Sequence[Flat], at: int, views: Sequence[DepthMap], tolera
     """The planes, the ground among them, `at`, with all cells that views do not surely see through."""
     ground = flats[at]
     whole = replace(ground, there=ground.there | ~seen_through(ground, views, tolerance))
-    return [*flats[:at], replace(whole, lift=_lift(whole, views, tolerance)), *flats[at + 1 :]]
+    return [*flats[:at], replace(whole, lift=lift_of(whole, views, tolerance)), *flats[at + 1 :]]
 
 
-def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMap], tolerance: float) -> Flat:
-    """A ground that rises and falls, in a box and in finer cells as views of that tell; at its sides it is as before.
-
-    Args:
-        flat: a plane; one that lies even stays as it is, and so does one of which views tell nothing.
-        low, high: (3,) corners of the box.
-        cell: side of its cells, world units.
-        views: maps of what is in the box.
-        tolerance: as for :func:`carried_on`.
-    """
-    if flat.lift is None or not flat.told:
-        return flat
-    corners = corners_of(low, high)
-    ends = np.einsum("ni,ki->nk", corners, flat.axes) / cell
-    first = np.floor(ends.min(axis=0)).astype(np.int64)
-    size = np.ceil(ends.max(axis=0)).astype(np.int64) - first + 1
-    bare = Flat(flat.normal, flat.offset, flat.axes, cell, first, np.ones(tuple(size), bool))
-    at = bare.middles
-    before = flat.lifted(at).reshape(tuple(size))
-    own = replace(bare, there=flat.inside(at).reshape(tuple(size)), lift=before)
-    across = np.abs(flat.normal) < TUNING.ground_facing  # sides that stand on it
-    away = np.minimum(at - low, high - at)[:, across].min(axis=1).reshape(tuple(size))
-    share = np.clip(away / (TUNING.ground_fades * tolerance), 0, 1)
-    return replace(own, lift=before + share * _lift(own, views, tolerance))
-
-
-def _lift(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:
+def lift_of(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:
     """(I, J) how far the ground lies before its plane: what is surely seen near it, a mean over cells around."""
     from scipy.ndimage import gaussian_filter
 

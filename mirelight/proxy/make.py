@@ -20,12 +20,12 @@ from mirelight.proxy.cells import cells_of
 from mirelight.proxy.decimate import decimated
 from mirelight.proxy.dents import filled
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
-from mirelight.proxy.detail import Core, core_of, others, with_core
+from mirelight.proxy.detail import Core, closer, core_of, others, with_core, without_fog
 from mirelight.proxy.ends import ended
 from mirelight.proxy.flats import Flat, even, flats_of, on_flats
 from mirelight.proxy.foot import foot_of
 from mirelight.proxy.fusion import Grid, fuse
-from mirelight.proxy.ground import carried_on, closer, ground_of
+from mirelight.proxy.ground import carried_on, ground_of
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
@@ -314,8 +314,8 @@ def _detailed(
     margin = TUNING.detail_margin * capture.spacing
     maps = DepthMaps(replace(capture, spacing=core.spacing), settings)
     shown = [maps.of(camera) for camera in passed(core.cameras, part(report, 0.0, 0.15), DEPTHS)]
-    smooth = part(report, 0.15, 0.2), "smoothing depth maps"
-    views = each(lambda view: core.alone(slanted(view, core.spacing), margin), shown, *smooth)
+    whole = each(lambda view: slanted(view, core.spacing), shown, part(report, 0.15, 0.2), "smoothing depth maps")
+    views = each(lambda view: core.alone(view, margin), whole)
     if found.mirrors:
         views = each(lambda view: covered(view, found.mirrors, core.spacing), views)
     views = agreed(views, settings, core.spacing, part(report, 0.2, 0.5), guessed=guessed)
@@ -323,11 +323,13 @@ def _detailed(
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = even(flats_of(views, core.spacing, capture.radius), views, core.spacing, capture.radius)
     more = others(more, found.flats, TUNING.plane_tolerance * capture.spacing)
-    flats = ended([*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more])
+    amid = each(lambda pair: core.amid(*pair), list(zip(views, whole, strict=True)))
+    flats = ended([*(closer(flat, core.low, core.high, side, amid, tolerance) for flat in found.flats), *more])
     # most pictures show all that is here: what tells no place in one, such as smooth plastic, is no sky
     views = _on_planes(views, flats, core.spacing, Sky(0.0), part(report, 0.5, 0.6))
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
-    return with_core(found.soup, _surface(grid, flats), core, found.cell)
+    fine = without_fog(_surface(grid, flats), views, core.spacing)
+    return with_core(found.soup, fine, core, found.cell)
 
 
 def _inside(

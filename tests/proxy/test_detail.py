@@ -14,12 +14,12 @@ from mirelight.model import Camera, SplatCloud
 from mirelight.proxy import make
 from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.detail import Core, core_of, with_core
+from mirelight.proxy.detail import Core, core_of, with_core, without_fog
 from mirelight.proxy.flats import Flat
 from mirelight.proxy.labels import Sky
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings, Soup
-from mirelight.proxy.views import moved
+from mirelight.proxy.views import moved, rays
 
 from .clouds import F64, ball, box_shell, joined, on_surface, square
 
@@ -86,6 +86,40 @@ def test_a_thing_is_looked_at_closer_where_the_grid_is_coarse() -> None:
     assert core(even, walk())[0] is None
     there, _ = core(even, walk(), coarser=4)
     assert there is not None and there.spacing == look_at_capture(even, "test").spacing
+
+
+def test_what_all_turn_to_is_looked_at_closer_before_a_wall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cameras on one side of a thing all show the wall behind it, too, whose splats lie apart."""
+    points, normals = square(20.0, STEP, 2, -8.0)
+    scene = joined(on_surface(points, normals, 0.7 * STEP, thin=0.3), small_ball(3000))
+    turns = np.linspace(-0.6, 0.6, 12)
+    front = [Camera.look_at((1.6 * np.sin(a), 0.5, 1.6 * np.cos(a)), (0, RADIUS, 0), 180, 120, yfov=45) for a in turns]
+    found, middle = core(scene, front)
+    assert found is not None
+    assert found.holds(small_ball(3000).means - middle, 0.02).all()
+    assert found.low[2] + middle[2] > -1.0  # the wall is left out
+    assert found.spacing < 0.5 * STEP
+    monkeypatch.setattr(sys.modules["mirelight.proxy.detail"], "_turned_to", lambda _: None)
+    assert core(scene, front)[0] is None
+
+
+def test_what_hangs_in_the_air_and_is_not_sure_is_fog() -> None:
+    """Two squares apart, of the same views: one that they are sure of at a rim alone, one that they are not."""
+    points, _ = square(1.0, 0.02, 1, 0.0)
+    camera = Camera.look_at((0, 3, 0.1), (0, 0, 0), 200, 200, yfov=40)
+    origins, ways = rays(camera)
+    depth = (-origins[..., 1] / ways[..., 1]).astype(np.float32)
+    at = origins + ways * depth[..., None]
+    trust = np.where((at[..., 0] > 0.4) & (at[..., 0] < 0.5), 1, 0.01).astype(np.float32)
+    up = np.broadcast_to(np.array([0, 1, 0], np.float32), (200, 200, 3))
+    one = np.ones((200, 200), np.float32)
+    view = DepthMap(camera=camera, depth=depth, normal=up, trust=trust, spread=0 * one, color=up, alpha=one)
+    i = np.arange(len(points)).reshape(50, 50)
+    corners = (i[:-1, :-1], i[1:, :-1], i[1:, 1:]), (i[:-1, :-1], i[1:, 1:], i[:-1, 1:])
+    faces = np.concatenate([np.stack(c, -1).reshape(-1, 3) for c in corners])
+    sure, fog = Soup(points, faces), Soup(points + np.array([0, 0.5, 0]), faces)
+    left = without_fog(sure.beside(fog), [view], 0.02)
+    assert len(left.faces) == len(faces) and (left.vertices[:, 1] == 0).all()
 
 
 def test_a_core_takes_the_place_of_what_was_there() -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
+from mirelight.proxy.detail import closer
 from mirelight.proxy.flats import flats_of
-from mirelight.proxy.ground import carried_on, closer, ground_of
+from mirelight.proxy.ground import carried_on, ground_of
 from mirelight.proxy.labels import Sky, flattened
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
@@ -102,4 +103,30 @@ def test_a_ground_is_seen_closer_within_a_box_and_as_before_at_its_sides() -> No
     assert side * found.lifted(0.4 * ring) == pytest.approx(high, abs=0.1 * high)
     rim = np.array([[half, 0, 0], [-half, 0, 0.3], [0.2, 0, half], [0, 0, -half]])
     np.testing.assert_allclose(found.lifted(rim), 0, atol=0.1 * high)
-    assert closer(flat, -corner, corner, 2 * fine, views, fine) is flat
+    unknown = replace(flat, told=False)
+    assert closer(unknown, -corner, corner, 2 * fine, views, fine) is unknown
+
+
+def test_a_plane_ends_where_a_closer_look_sees_past_it() -> None:
+    """A round table's rim, amid coarse cells that reach beyond it; what stands on it leaves no hole."""
+    fine, radius, floor = 0.4 * SPACING, 0.7, -0.8
+    flat = next(x for x in flats_of([view(x, None) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0) if abs(x.offset) < 0.1)
+    wide = replace(flat, there=np.ones_like(flat.there))
+    views = []
+    for x in (-1.0, 0.0, 1.0):
+        origins, ways = rays((seen := view(x, None)).camera)
+        high = np.zeros(seen.depth.shape)
+        for there, level in ((radius, 0.0), (0.1, 0.3)):
+            met = origins + ways * ((level - origins[..., 1:2]) / ways[..., 1:2])
+            inside = np.linalg.norm(met[..., [0, 2]], axis=-1) < there
+            high = np.where(inside, level, floor if there == radius else high)
+        depth = ((high - origins[..., 1]) / ways[..., 1]).astype("f4")
+        views.append(
+            replace(seen, depth=depth, trust=np.full_like(seen.trust, 0.05), spread=np.zeros_like(seen.spread))
+        )
+    corner = np.array([1.0, 0.5, 1.0])
+    found = closer(wide, -corner, corner, 2 * fine, views, fine)
+    away = np.linalg.norm(found.middles[:, [0, 2]], axis=1).reshape(found.there.shape)
+    assert found.there[away < radius - 0.08].all()
+    ahead = found.middles[:, 2].reshape(found.there.shape) > -0.2  # beyond, the table hides the floor
+    assert not found.there[(away > radius + 0.08) & (away < 0.9) & ahead].any()

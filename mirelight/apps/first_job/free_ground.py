@@ -18,7 +18,7 @@ _LEVEL = 0.1  # of an object's height: how uneven ground may be
 OVER = 1.2  # of its height: what hangs higher is not in its way
 _STRAYS = 0.02  # share of what is seen there that may be anything else
 _RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
-_LOWER = 2.0  # units of way that an object is moved for each unit that it stands lower
+_LOWER = 2.0  # units of way that an object is moved for each unit that it would stand above the ground there
 
 
 @dataclass(slots=True, eq=False)
@@ -55,7 +55,8 @@ class FreeGround:
         tried = tried[tried[:, 1] < self.picture.camera.position[1] - height * _LEVEL]  # NaN is not
         if not len(tried):
             return None
-        away = np.linalg.norm((tried - near)[:, [0, 2]], axis=1) + _LOWER * (tried[:, 1] - tried[:, 1].min())
+        higher = tried[:, 1] - self._beneath(near, radius)
+        away = np.linalg.norm((tried - near)[:, [0, 2]], axis=1) + np.where(higher > 0, _LOWER * higher, -higher)
         tried = tried[np.argsort(away, kind="stable")]
         best: tuple[int, F64, tuple[float, float]] | None = None
         for place in tried:
@@ -73,6 +74,13 @@ class FreeGround:
         self._taken.append((place, radius))
         self._columns.append(columns)
         return place.copy()
+
+    def _beneath(self, near: F64, radius: float) -> float:
+        """The height of most that is seen where an object should stand, as of a table that is looked at; of the lowest
+        if nothing is seen there."""
+        high = self._seen[self._tree.query_ball_point(near[[0, 2]], radius), 1]
+        below = high[high <= near[1]]
+        return float(np.median(below) if len(below) else self._seen[:, 1].min())
 
     def _hidden(self, columns: tuple[float, float]) -> int:
         """In quarters, how much of those columns other objects fill."""

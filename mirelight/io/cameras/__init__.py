@@ -28,7 +28,7 @@ from mirelight.io.cameras import (
     transforms,
     worlds,
 )
-from mirelight.io.cameras.placed import STRAIGHT, Angle, Distortion, FileCamera, Intrinsics
+from mirelight.io.cameras.placed import STRAIGHT, Angle, Distortion, FileCamera, Intrinsics, Panorama
 from mirelight.io.cameras.transforms import Axes
 from mirelight.io.safety import existing, open_binary
 from mirelight.model import F64, SplatWorld
@@ -42,6 +42,7 @@ __all__ = [
     "FileCamera",
     "Intrinsics",
     "Kind",
+    "Panorama",
     "open_file",
 ]
 

@@ -19,7 +19,7 @@ import numpy as np
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
-from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics
+from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics, Panorama, pinholes
 from mirelight.io.safety import open_binary
 from mirelight.model import F64
 
@@ -37,7 +37,11 @@ class Model:
     radial: tuple[int, ...] = ()  # indices of k1, k2, …
     divisor: tuple[int, ...] = ()
     tangential: tuple[int, int] | None = None
+    prism: tuple[int, int] | None = None
+    fisheye: bool = False
 
+
+ALL_AROUND = "EQUIRECTANGULAR"
 
 # In the order of their numbers (colmap/src/colmap/sensor/models.h).
 MODELS = (
@@ -46,19 +50,19 @@ MODELS = (
     Model("SIMPLE_RADIAL", 4, 1, (3,)),
     Model("RADIAL", 5, 1, (3, 4)),
     Model("OPENCV", 8, 2, (4, 5), (), (6, 7)),
-    Model("OPENCV_FISHEYE", 8),
+    Model("OPENCV_FISHEYE", 8, 2, (4, 5, 6, 7), fisheye=True),
     Model("FULL_OPENCV", 12, 2, (4, 5, 8), (9, 10, 11), (6, 7)),
     Model("FOV", 5),
-    Model("SIMPLE_RADIAL_FISHEYE", 4),
-    Model("RADIAL_FISHEYE", 5),
-    Model("THIN_PRISM_FISHEYE", 12),
+    Model("SIMPLE_RADIAL_FISHEYE", 4, 1, (3,), fisheye=True),
+    Model("RADIAL_FISHEYE", 5, 1, (3, 4), fisheye=True),
+    Model("THIN_PRISM_FISHEYE", 12, 2, (4, 5, 8, 9), (), (6, 7), (10, 11), fisheye=True),
     Model("RAD_TAN_THIN_PRISM_FISHEYE", 16),
     Model("SIMPLE_DIVISION", 4),
     Model("DIVISION", 5),
-    Model("SIMPLE_FISHEYE", 3),
-    Model("FISHEYE", 4),
+    Model("SIMPLE_FISHEYE", 3, 1, fisheye=True),
+    Model("FISHEYE", 4, 2, fisheye=True),
     Model("EUCM", 6),
-    Model("EQUIRECTANGULAR", 2),
+    Model(ALL_AROUND, 2),  # its width and height
 )
 _BY_NAME = {model.name: model for model in MODELS}
 
@@ -68,7 +72,7 @@ class Lens:
     """A camera of the model: how pictures were taken, not from where."""
 
     intrinsics: Intrinsics
-    distortion: Distortion | None
+    distortion: Distortion | Panorama | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +94,17 @@ def find(folder: Path) -> tuple[Path, Path] | None:
 
 
 def read(cameras: Path, images: Path) -> tuple[FileCamera, ...]:
-    """The cameras that took a model's images, sorted by the images' names. Raises InputError."""
+    """The cameras that took a model's images, sorted by the images' names; each panorama in six.
+
+    Raises:
+        InputError: what is wrong, with its line or its place.
+    """
     binary = cameras.suffix.lower() == ".bin"
     lenses = dict((_binary_lenses if binary else _text_lenses)(cameras))
     found = sorted((_binary_images if binary else _text_images)(images), key=lambda image: image.name)
     reading.limited(images, len(found))
     names = reading.picture_names(image.name for image in found)
-    return tuple(_placed(images, image, name, lenses) for image, name in zip(found, names, strict=True))
+    return pinholes(_placed(images, image, name, lenses) for image, name in zip(found, names, strict=True))
 
 
 def points_beside(images: Path) -> Path | None:
@@ -142,23 +150,33 @@ def _placed(file: Path, image: _Image, name: str, lenses: dict[int, Lens]) -> Fi
 
 def _lens(model: Model, width: int, height: int, values: tuple[float, ...], file: Path, where: str) -> Lens:
     fail = partial(InputError, file, field=where)
-    if not model.focals:
-        raise fail(f"the camera model {model.name}, which no pinhole stands for", "undistort the model in COLMAP")
     if not all(math.isfinite(x) for x in values):
         raise fail("a parameter that is not finite", "the file is damaged")
     if not (1 <= width <= reading.LARGEST_SIDE and 1 <= height <= reading.LARGEST_SIDE):
         raise fail(f"a picture of {width} x {height} pixels", "the file is damaged")
+    if model.name == ALL_AROUND:
+        if width != 2 * height:
+            raise fail(f"a panorama of {width} by {height} pixels", "one of all directions is twice as wide as high")
+        side = Panorama(side="front", width=width)
+        return Lens(side.lens(), side)
+    if not model.focals:
+        raise fail(f"the camera model {model.name}, which no pinhole stands for", "undistort the model in COLMAP")
     focals = (values[0], values[0]) if model.focals == 1 else (values[0], values[1])
     center = values[model.focals], values[model.focals + 1]
-    distortion = None
-    if model.radial:
-        distortion = Distortion(
-            model=model.name,
-            radial=tuple(values[i] for i in model.radial),
-            divisor=tuple(values[i] for i in model.divisor),
-            tangential=(values[model.tangential[0]], values[model.tangential[1]]) if model.tangential else (0.0, 0.0),
-        )
-    return Lens(reading.intrinsics((*focals, *center), (width, height), fail), distortion)
+    lens = reading.intrinsics((*focals, *center), (width, height), fail)
+    return Lens(lens, _distortion(model, values) if model.radial or model.fisheye else None)
+
+
+def _distortion(model: Model, values: tuple[float, ...]) -> Distortion:
+    pairs = [(values[of[0]], values[of[1]]) if of else (0.0, 0.0) for of in (model.tangential, model.prism)]
+    return Distortion(
+        model=model.name,
+        radial=tuple(values[i] for i in model.radial),
+        divisor=tuple(values[i] for i in model.divisor),
+        tangential=pairs[0],
+        prism=pairs[1],
+        fisheye=model.fisheye,
+    )
 
 
 # --- text ------------------------------------------------------------------------------------------------------------

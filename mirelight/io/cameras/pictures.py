@@ -11,7 +11,7 @@ import numpy as np
 
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import inria
-from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics, Size
+from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics, Panorama, Size
 from mirelight.io.decoding import opened
 from mirelight.io.ldr import decode_with_alpha
 from mirelight.io.safety import contained, open_binary
@@ -34,8 +34,8 @@ class Picture:
 
     path: Path
     mask: Path | None  # black where the picture does not count
-    lens: Intrinsics  # of the whole picture, or of one scaled
-    distortion: Distortion | None
+    lens: Intrinsics  # the pinhole's, on the whole picture's pixels or those of one scaled
+    distortion: Distortion | Panorama | None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -55,7 +55,7 @@ class Picture:
         with open_binary(self.path) as stream:
             rgb, alpha = decode_with_alpha(stream, self.path)
         shape = rgb.shape[1], rgb.shape[0]
-        _require_shape(self.path, shape, self.lens)
+        _require_shape(self.path, shape, self.lens.size if self.distortion is None else self.distortion.size(self.lens))
         counts = np.ones(rgb.shape[:2], np.float32) if alpha is None else alpha
         if self.mask is not None:
             counts = counts * _mask(self.mask, shape)
@@ -129,9 +129,9 @@ def _size(path: Path) -> Size:
         return image.size
 
 
-def _require_shape(path: Path, found: Size, lens: Intrinsics) -> None:
-    if abs(found[0] * lens.height / (found[1] * lens.width) - 1) > _ASPECT:
-        sides = f"{found[0]} x {found[1]} pixels where its camera has {lens.width} x {lens.height}"
+def _require_shape(path: Path, found: Size, known: Size) -> None:
+    if abs(found[0] * known[1] / (found[1] * known[0]) - 1) > _ASPECT:
+        sides = f"{found[0]} x {found[1]} pixels where its camera has {known[0]} x {known[1]}"
         raise InputError(path, sides, "give the pictures that these cameras took, cut and turned alike")
 
 
@@ -146,14 +146,15 @@ def _mask(path: Path, shape: Size) -> F32:
     return np.asarray(gray[np.ix_(rows, columns)] > 0.1, np.float32)
 
 
-def _seen(picture: F32, lens: Intrinsics, distortion: Distortion | None) -> F32:
+def _seen(picture: F32, lens: Intrinsics, distortion: Distortion | Panorama | None) -> F32:
     """A picture (H, W, 4), colours times what counts, as the lens' pinhole sees it on its small grid."""
     width, height = view_size(lens.width, lens.height)
-    step = max(picture.shape[1] // width, 1)
+    whole = lens.size if distortion is None else distortion.size(lens)
+    step = max(picture.shape[1] * lens.width // (whole[0] * width), 1)
     small = _reduced(picture, step)
-    per_pixel = picture.shape[1] / step / width
+    scale = np.array([picture.shape[1] / whole[0], picture.shape[0] / whole[1]]) / step
+    per_pixel = scale[0] * lens.width / width
     aside = (0.0,) if per_pixel < _SCALED and distortion is None else (-0.25, 0.25)
-    scale = np.array([picture.shape[1] / lens.width, picture.shape[0] / lens.height]) / step
     out = np.zeros((height, width, 4), np.float32)
     for dv in aside:
         for du in aside:
@@ -162,8 +163,7 @@ def _seen(picture: F32, lens: Intrinsics, distortion: Distortion | None) -> F32:
                 (np.arange(height) + 0.5 + dv) * lens.height / height,
             )
             if distortion is not None:
-                dx, dy = distortion.shifts((u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy)
-                u, v = u + lens.fx * dx, v + lens.fy * dy
+                u, v = distortion.at(lens, u, v)
             out += _between(small, u * scale[0] - 0.5, v * scale[1] - 0.5)
     out /= np.float32(len(aside) ** 2)
     out[..., :3] /= np.maximum(out[..., 3:], np.float32(1e-6))

@@ -1,9 +1,14 @@
-"""A camera as a file has it: a pose in the capture's axes, a lens, and what the lens bends."""
+"""A camera as a file has it: a pose in the capture's axes, a lens, and what the lens bends.
+
+All that is rendered are pinholes, so each picture is seen through pinholes: a bent one through that of its middle,
+which shows less than a fisheye does, but nothing that it does not; a panorama through the six sides of a cube.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -71,23 +76,38 @@ class Distortion:
     """How a lens bends what a pinhole shows, as COLMAP and OpenCV write it.
 
     With (x, y) on the plane one unit in front of the eye and r² = x² + y²: x' = x (1 + k1 r² + k2 r⁴ + …) /
-    (1 + d1 r² + …) + 2 p1 x y + p2 (r² + 2 x²), and y' with x and y, p1 and p2 exchanged.
+    (1 + d1 r² + …) + 2 p1 x y + p2 (r² + 2 x²) + s1 r², and y' with x and y, p1 and p2 exchanged, and s2. A fisheye has
+    (x, y) θ / r in place of (x, y), with θ = atan r the angle to where it looks.
     """
 
     model: str  # as the file names it
     radial: tuple[float, ...] = ()  # k1, k2, …
     divisor: tuple[float, ...] = ()  # d1, d2, … (k4, k5, k6 of OpenCV)
     tangential: tuple[float, float] = (0.0, 0.0)  # p1, p2
+    prism: tuple[float, float] = (0.0, 0.0)  # s1, s2
+    fisheye: bool = False
 
     def shifts(self, x: F64, y: F64) -> tuple[F64, F64]:
         """How far points of the plane one unit in front of the eye are moved, along x (to the right) and y (down)."""
-        r2 = x * x + y * y
         p1, p2 = self.tangential
+        s1, s2 = self.prism
         with np.errstate(all="ignore"):
-            factor = _series(self.radial, r2) / _series(self.divisor, r2)
-            dx = x * (factor - 1) + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-            dy = y * (factor - 1) + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+            near = _angle_over_tangent(np.hypot(x, y)) if self.fisheye else 1.0
+            u, v = x * near, y * near
+            r2 = u * u + v * v
+            factor = _series(self.radial, r2) / _series(self.divisor, r2) * near
+            dx = x * (factor - 1) + 2 * p1 * u * v + p2 * (r2 + 2 * u * u) + s1 * r2
+            dy = y * (factor - 1) + 2 * p2 * u * v + p1 * (r2 + 2 * v * v) + s2 * r2
         return dx, dy
+
+    def size(self, lens: Intrinsics) -> Size:
+        """Width and height in pixels of the file's picture."""
+        return lens.size
+
+    def at(self, lens: Intrinsics, u: F64, v: F64) -> tuple[F64, F64]:
+        """Where in the file's picture, in its pixels, those at (u, v) of the pinhole are."""
+        dx, dy = self.shifts((u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy)
+        return u + lens.fx * dx, v + lens.fy * dy
 
     def largest_shift(self, lens: Intrinsics) -> float:
         """How far, in pixels, the lens moves a point of the pinhole's picture at most."""
@@ -100,6 +120,10 @@ class Distortion:
         return shift if math.isfinite(shift) else math.inf
 
 
+def _angle_over_tangent(r: F64) -> F64:
+    return np.asarray(np.arctan(r) / np.where(r > 0, r, 1.0) + (r <= 0), np.float64)
+
+
 def _series(coefficients: tuple[float, ...], r2: F64) -> F64:
     out = np.ones_like(r2)
     power = np.ones_like(r2)
@@ -109,6 +133,52 @@ def _series(coefficients: tuple[float, ...], r2: F64) -> F64:
     return out
 
 
+Side = Literal["front", "right", "back", "left", "up", "down"]
+
+# Columns: what is right, up and behind for each side, in the panorama's own axes (+X right, +Y up, -Z its middle).
+_SIDES: dict[Side, F64] = {
+    "front": np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    "right": np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]),
+    "back": np.array([[-1.0, 0, 0], [0, 1, 0], [0, 0, -1]]),
+    "left": np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
+    "up": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "down": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panorama:
+    """Where a side of a cube is in an equirectangular picture of all directions.
+
+    The picture's middle is where its camera looks, its left and right rims are behind it, its rows go from straight up
+    to straight down (COLMAP's EQUIRECTANGULAR, nerfstudio's cameras.py).
+    """
+
+    side: Side
+    width: int  # of the panorama, twice its height
+    model: str = "EQUIRECTANGULAR"
+
+    def lens(self) -> Intrinsics:
+        """The pinhole of 90 degrees whose pixels are as large in its middle as the panorama's."""
+        across = max(round(self.width / math.pi), 1)
+        return Intrinsics(width=across, height=across, fx=across / 2, fy=across / 2, cx=across / 2, cy=across / 2)
+
+    def largest_shift(self, lens: Intrinsics) -> float:
+        """0: its sides are pinholes."""
+        return 0.0
+
+    def size(self, lens: Intrinsics) -> Size:
+        """Width and height in pixels of the file's picture."""
+        return self.width, self.width // 2
+
+    def at(self, lens: Intrinsics, u: F64, v: F64) -> tuple[F64, F64]:
+        """Where in the panorama, in its pixels, those at (u, v) of the side's pinhole are."""
+        way = np.stack([(u - lens.cx) / lens.fx, (lens.cy - v) / lens.fy, -np.ones_like(u)], axis=-1)
+        x, y, z = np.moveaxis(way @ _SIDES[self.side].T, -1, 0)
+        turn = np.arctan2(x, -z) / math.tau + 0.5
+        return np.asarray(turn * self.width), np.arctan2(np.hypot(x, z), y) / math.pi * (self.width // 2)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FileCamera:
     """One camera of a file."""
@@ -116,7 +186,7 @@ class FileCamera:
     name: str  # fit for a file's name
     world_from_camera: F64  # (4, 4) rigid, in the capture's axes; looks along its -Z, +Y is up
     lens: Intrinsics | Angle
-    distortion: Distortion | None = None  # None: a pinhole
+    distortion: Distortion | Panorama | None = None  # None: a pinhole
     picture: str = ""  # what it took, as the file names it, perhaps without suffix; "": it names none
     mask: str = ""  # black where that picture does not count
 
@@ -151,3 +221,21 @@ class FileCamera:
             cx=lens.cx,
             cy=lens.cy,
         )
+
+
+def pinholes(cameras: Iterable[FileCamera]) -> tuple[FileCamera, ...]:
+    """Cameras as files have them, each panorama in six.
+
+    All front sides come before all right ones, and so on, so that a few that are evenly taken look all ways.
+    """
+    taken = tuple(cameras)
+    whole = [x for x in taken if isinstance(x.distortion, Panorama)]
+    out = [x for x in taken if not isinstance(x.distortion, Panorama)]
+    for side, turn in _SIDES.items():
+        for one in whole:
+            assert isinstance(one.distortion, Panorama)
+            pose = one.world_from_camera.copy()
+            pose[:3, :3] = pose[:3, :3] @ turn
+            bend = replace(one.distortion, side=side)
+            out.append(replace(one, name=f"{one.name}_{side}", world_from_camera=pose, distortion=bend))
+    return tuple(out)

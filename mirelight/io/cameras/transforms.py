@@ -20,7 +20,7 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
-from mirelight.io.cameras.placed import Angle, Distortion, FileCamera, Intrinsics
+from mirelight.io.cameras.placed import Angle, Distortion, FileCamera, Intrinsics, Panorama, pinholes
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.safety import contained, open_binary
 from mirelight.model import F64, Camera
@@ -30,6 +30,7 @@ Axes = Literal["opengl", "opencv"]
 _POINTS = "sparse_pc.ply"  # as ns-process-data names it
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # a world with Y up to one with Z up
 
+_FISHEYE, _ALL_AROUND = "OPENCV_FISHEYE", "EQUIRECTANGULAR"
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 _RADIAL = ("k1", "k2", "k3", "k4")
 _TANGENTIAL = ("p1", "p2")
@@ -42,7 +43,7 @@ _LENS = (*_FOCALS, *_ANGLES, *_RADIAL, *_TANGENTIAL, *_OTHERS)
 
 
 def read(path: Path, data: dict[str, Any], axes: Axes | None) -> tuple[FileCamera, ...]:
-    """The cameras in the order of the file, in the capture's axes.
+    """The cameras in the order of the file, in the capture's axes; panoramas by their sides.
 
     Args:
         path: the file.
@@ -70,7 +71,7 @@ def read(path: Path, data: dict[str, Any], axes: Axes | None) -> tuple[FileCamer
         out.append(
             FileCamera(name=name, world_from_camera=pose, lens=lens, distortion=distortion, picture=picture, mask=mask)
         )
-    return tuple(out)
+    return pinholes(out)
 
 
 def file_from_capture(path: Path, data: dict[str, Any]) -> Matrix:
@@ -137,9 +138,11 @@ def _own_or_shared(frame: Fields, top: Fields) -> Fields:
     return Fields(top.file, frame.where if own else "", {**shared, **own})
 
 
-def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | None]:
-    model = source.text("camera_model", "OPENCV")
-    if model not in _PINHOLES or source.flag("is_fisheye"):
+def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | Panorama | None]:
+    model = _FISHEYE if source.flag("is_fisheye") else source.text("camera_model", "OPENCV")
+    if model == _ALL_AROUND:
+        return _all_around(source)
+    if model not in (*_PINHOLES, _FISHEYE):
         raise source.fail("camera_model", f"{model[:40]!r}, which no pinhole stands for", "undistort the capture")
     size = (reading.side(source, "w"), reading.side(source, "h")) if "w" in source and "h" in source else None
     if "fl_x" in source:
@@ -167,6 +170,14 @@ def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | None]:
     return lens, _distortion(source, model)
 
 
+def _all_around(source: Fields) -> tuple[Intrinsics, Panorama]:
+    width, height = reading.side(source, "w"), reading.side(source, "h")
+    if width != 2 * height:
+        raise source.fail("w", f"{width} by {height} pixels", "a panorama of all directions is twice as wide as high")
+    bend = Panorama(side="front", width=width)
+    return bend.lens(), bend
+
+
 def _distortion(source: Fields, model: str) -> Distortion | None:
     if "distortion_params" in source:
         radial = source.vector("distortion_params", 6)
@@ -174,7 +185,9 @@ def _distortion(source: Fields, model: str) -> Distortion | None:
     else:
         k = tuple(source.number(name, 0.0) for name in _RADIAL)
         p = [source.number(name, 0.0) for name in _TANGENTIAL]
-    return Distortion(model=model, radial=k, tangential=(p[0], p[1])) if any(k) or any(p) else None
+    if model != _FISHEYE and not any(k) and not any(p):
+        return None
+    return Distortion(model=model, radial=k, tangential=(p[0], p[1]), fisheye=model == _FISHEYE)
 
 
 # --- writing ---------------------------------------------------------------------------------------------------------

@@ -54,6 +54,15 @@ def test_nothing_stands_on_the_edge_of_a_thing_or_in_it(top: float) -> None:
     assert np.linalg.norm(beside) > 0.25 and place[2] > -0.3  # nor behind it, where it would be hidden
 
 
+def test_it_stands_on_the_table_that_is_looked_at() -> None:
+    """Not on the floor, which is lower and shown, too; on the floor beside a table that nobody looks at."""
+    table = ((-0.9, 0.0, -0.4), (0.9, 0.6, 1.0))
+    on = FreeGround(_picture(table)).take(np.array([0.0, 0.7, 0.4]), 0.1, 0.2)
+    assert on is not None and on[1] == pytest.approx(0.6, abs=0.02)
+    beside = FreeGround(_picture(table)).take(np.array([1.3, 0.7, 0.4]), 0.1, 0.2)
+    assert beside is not None and beside[1] == pytest.approx(0.0, abs=0.02)
+
+
 def test_what_hangs_over_it_is_not_in_its_way() -> None:
     """A branch over a table, higher than the object's top."""
     wish, branch = np.array([0.0, 0.0, 0.5]), ((-0.5, 0.8, 0.2), (0.5, 0.9, 0.8))

@@ -292,7 +292,7 @@ def test_a_light_that_is_none_is_refused_before_the_capture_is_read(tmp_path: Pa
             job_for(tmp_path / "not-there.ply", tmp_path, Wish(light=str(tmp_path / name)))
 
 
-def cameras_beside(folder: Path, count: int, width: int, **lens: float) -> None:
+def cameras_beside(folder: Path, count: int, width: int, **lens: float | str) -> None:
     """A transforms.json of cameras around the capture, in its own axes."""
     frames = [
         {
@@ -322,6 +322,19 @@ def test_cameras_beside_a_capture_are_rendered_too(
         assert all(x.position[1] == pytest.approx(2.0, abs=0.1) for x in work.cameras[1:])
         assert 'every = 17, resolution_scale = 0.25, distortion = "ignore"' in text
         assert "# Cameras: one in 17 of the capture's 50, as pinholes, beside the one below." in text
+
+
+def test_panoramas_beside_a_capture_are_looked_through_to_all_sides(tmp_path: Path) -> None:
+    """Up is theirs, though two sides of each look along it; a few are rendered ahead."""
+    splats.write(box_shell(16, 0.5, thin=0.05), tmp_path / "capture.ply")
+    cameras_beside(tmp_path, 7, 640, camera_model="EQUIRECTANGULAR", h=320)
+    text = job_for(tmp_path / "capture.ply", tmp_path, Wish(light="sun")).text
+    assert 'names = ["*_front"], every = 3 }' in text
+    assert "# Cameras: one in 3 of the capture's 7 panoramas, ahead, beside the one below." in text
+    assert "# The pictures' cameras tell where surfaces lie" in text
+    work = job.load_text(text, tmp_path / "job.toml")
+    assert [x.name for x in work.cameras[1:]] == ["000_front", "003_front", "006_front"]
+    assert all(x.world_from_camera[1, 1] > 0.9 for x in work.cameras[1:])
 
 
 @pytest.mark.parametrize("where", ["outside", "in a room", "elsewhere"])

@@ -17,6 +17,7 @@ from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
 from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.estimate.tuning import TUNING
+from mirelight.io.cameras.placed import Panorama
 from mirelight.model import Camera, SplatCloud, SplatWorld
 from mirelight.pipeline.guesses import guessed_of_file
 from mirelight.proxy import views
@@ -248,18 +249,23 @@ def _cameras(
         yield f"# {unread}"
     if found is None:
         return
-    count = len(found.cameras)
+    fronts = [x for x in found.cameras if isinstance(x.distortion, Panorama) and x.distortion.side == "front"]
+    shown = fronts or found.cameras
+    count = len(shown)
     every = -(-count // _MOST_CAMERAS)
-    width = max(x.size(wish.resolution)[0] for x in found.cameras)
-    keys = f", every = {every}" if every > 1 else ""
+    width = max(x.size(wish.resolution)[0] for x in shown)
+    keys = ', names = ["*_front"]' if fronts else ""
+    keys += f", every = {every}" if every > 1 else ""
     if width > wish.resolution[0]:
         keys += f", resolution_scale = {wish.resolution[0] / width:.3g}"
-    bent = max(x.shift() for x in found.cameras) > 0
+    bent = max(x.shift() for x in shown) > 0
     if bent:
         keys += ', distortion = "ignore"'
     yield ""
-    some = f"one in {every} of the capture's {count}" if every > 1 else f"the capture's {count}"
-    yield f"# Cameras: {some}{', as pinholes' if bent else ''}, beside the one below."
+    what = f"{count} panoramas" if fronts else f"{count}"
+    some = f"one in {every} of the capture's {what}" if every > 1 else f"the capture's {what}"
+    ahead = ", ahead" if fronts else ", as pinholes" if bent else ""
+    yield f"# Cameras: {some}{ahead}, beside the one below."
     yield f"cameras_from = {{ path = {named(found.path)}{keys} }}"
 
 

@@ -53,6 +53,10 @@ class Core:
         here = self.holds(origins + directions * view.depth[..., None], margin) & (view.depth > 0)
         return replace(view, depth=np.where(here, view.depth, np.float32(0)))
 
+    def beside(self, flat: Flat) -> Flat:
+        """What of a plane is outside of it: fog that looks like that is before it, and no thing."""
+        return replace(flat, there=flat.there & ~self.holds(flat.middles, 0.0).reshape(flat.there.shape))
+
     def amid(self, view: DepthMap, whole: DepthMap) -> DepthMap:
         """A view of it alone with what the whole one shows beside it: past a table's rim is the floor."""
         return replace(view, depth=np.where(view.depth > 0, view.depth, whole.depth))

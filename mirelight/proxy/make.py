@@ -323,10 +323,12 @@ def _detailed(
     tolerance, side = TUNING.plane_tolerance * core.spacing, TUNING.plane_cell * core.spacing
     more = even(flats_of(views, core.spacing, capture.radius), views, core.spacing, capture.radius)
     more = others(more, found.flats, TUNING.plane_tolerance * capture.spacing)
-    amid = each(lambda pair: core.amid(*pair), list(zip(views, whole, strict=True)))
-    flats = ended([*(closer(flat, core.low, core.high, side, amid, tolerance) for flat in found.flats), *more])
+    views = each(lambda pair: core.amid(*pair), list(zip(views, whole, strict=True)))
+    flats = ended([*(closer(flat, core.low, core.high, side, views, tolerance) for flat in found.flats), *more])
     # most pictures show all that is here: what tells no place in one, such as smooth plastic, is no sky
-    views = _on_planes(views, flats, core.spacing, Sky(0.0), part(report, 0.5, 0.6))
+    around = [*flats, *(core.beside(flat) for flat in found.flats)]
+    views = _on_planes(views, around, core.spacing, Sky(0.0), part(report, 0.5, 0.6))
+    views = each(lambda view: core.alone(view, margin), views)
     grid = fuse(views, core.half + margin, TUNING.cell * core.spacing, part(report, 0.6, 1.0), core.middle)
     fine = without_fog(_surface(grid, flats), views, core.spacing)
     return with_core(found.soup, fine, core, found.cell)

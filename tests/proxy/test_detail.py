@@ -105,15 +105,14 @@ def test_what_all_turn_to_is_looked_at_closer_before_a_wall(monkeypatch: pytest.
 
 def test_planes_go_on_beside_a_core() -> None:
     """Where it has none of their cells, so that fog before them there is known for theirs."""
-    flat = Flat(
-        np.array([0.0, 1, 0]), 0.0, np.array([[1.0, 0, 0], [0, 0, 1]]), 0.5, np.array([-8, -8]), np.ones((16, 16), bool)
-    )
+    axes = np.array([[1.0, 0, 0], [0, 0, 1]])
+    flat = Flat(np.array([0.0, 1, 0]), 0.0, axes, 0.5, np.array([-8, -8]), np.ones((16, 16), bool))
     box = Core(np.array([-1.0, -1, -2]), np.array([1.0, 1, 2]), (), 0.1)
     left = box.beside(flat)
     inside = (np.abs(flat.middles[:, [0, 2]]) < [1, 2]).all(axis=1).reshape(16, 16)
     assert inside.sum() == 32 and (left.there == ~inside).all()
-    over = Core(box.low + [0, 2, 0], box.high + [0, 2, 0], (), 0.1)
-    assert over.beside(flat).there.all()
+    up = np.array([0.0, 2, 0])
+    assert Core(box.low + up, box.high + up, (), 0.1).beside(flat).there.all()
 
 
 def test_what_hangs_in_the_air_and_is_not_sure_is_fog() -> None:

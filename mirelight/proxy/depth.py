@@ -217,7 +217,7 @@ def points_of(view: DepthMap, step: int = 1) -> tuple[F64, F64, F32]:
     return points, view.normal[::step, ::step][seen].astype(np.float64), view.trust[::step, ::step][seen]
 
 
-def sure_points(view: DepthMap) -> F64:
-    """(N, 3) points of the surface that a view is sure of."""
+def sure_points(view: DepthMap, least: float = TUNING.sure) -> F64:
+    """(N, 3) points of the surface that a view is sure of: trusted more than `least`."""
     points, _, trust = points_of(view, TUNING.sure_step)
-    return points[trust > TUNING.sure]
+    return points[trust > least]

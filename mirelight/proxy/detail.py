@@ -7,7 +7,7 @@ their pictures is looked at again in its own spacing, and takes the place of wha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from mirelight.model import F64, Camera
 from mirelight.proxy.capture import Capture, spacing_of
-from mirelight.proxy.depth import DepthMap, footprint, points_of, shows
+from mirelight.proxy.depth import DepthMap, footprint, shows, sure_points
+from mirelight.proxy.detail_tuning import DETAIL
 from mirelight.proxy.flats import Flat, votes
 from mirelight.proxy.ground import lift_of
 from mirelight.proxy.tidy import compact, parts_of
@@ -76,30 +77,39 @@ def core_of(capture: Capture, cameras: Sequence[Camera], coarse: float) -> Core 
         coarse: spacing that the whole surface was found in, world units.
     """
     away = _turned_to(cameras)
-    limits = (np.inf,) if away is None else (np.inf, TUNING.detail_near * away)
-    found = [x for x in (_shown_by_most(capture, cameras, far) for far in limits) if x is not None]
-    finer = [x for x in found if x.spacing <= TUNING.detail_finer * capture.spacing]
-    if finer:
-        return replace(finer[0], spacing=TUNING.detail_share * finer[0].spacing)
+    limits = (np.inf,) if away is None else (np.inf, DETAIL.detail_near * away)
+    found = list[Core]()
+    for inside in _shown_by_most(capture, cameras, limits):
+        if inside.sum() < DETAIL.detail_fewest:
+            continue
+        core = _about(capture, cameras, inside)
+        if core.spacing <= DETAIL.detail_finer * capture.spacing:
+            return replace(core, spacing=DETAIL.detail_share * core.spacing)
+        found.append(core)
     # its splats are no closer than others: then in the cells that the whole would have without its strays
-    finer = [x for x in found if x.spacing <= TUNING.detail_finer * coarse]
-    return replace(finer[0], spacing=capture.spacing) if finer else None
+    finer = (x for x in found if x.spacing <= DETAIL.detail_finer * coarse)
+    return next((replace(x, spacing=capture.spacing) for x in finer), None)
 
 
-def _shown_by_most(capture: Capture, cameras: Sequence[Camera], far: float) -> Core | None:
-    """What most of the cameras show no farther ahead than that, and how far its splats or its pixels are apart."""
+def _shown_by_most(capture: Capture, cameras: Sequence[Camera], limits: Sequence[float]) -> Iterator[NDArray[np.bool_]]:
+    """For each limit (N,) which splats most of the cameras show no farther ahead than that."""
     means = capture.splats.means
-    shown = np.zeros(len(means), np.int64)
+    shown = np.zeros((len(limits), len(means)), np.int64)
     for camera in cameras:
         ahead = (camera.position - means) @ camera.world_from_camera[:3, 2]
-        shown += shows(camera, means) & (ahead < far)
-    inside = shown >= TUNING.detail_seen * len(cameras)
-    if inside.sum() < TUNING.detail_fewest:
-        return None
+        seen = shows(camera, means)
+        for count, far in zip(shown, limits, strict=True):
+            count += seen & (ahead < far)
+    yield from shown >= DETAIL.detail_seen * len(cameras)
+
+
+def _about(capture: Capture, cameras: Sequence[Camera], inside: NDArray[np.bool_]) -> Core:
+    """The box about splats (N,), and how far they, or the pixels that show them closer, are apart."""
+    means = capture.splats.means
     at = means[inside].astype(np.float64)
-    low, high = np.quantile(at, [TUNING.detail_rim, 1 - TUNING.detail_rim], axis=0)
+    low, high = np.quantile(at, [DETAIL.detail_rim, 1 - DETAIL.detail_rim], axis=0)
     apart = spacing_of(means.astype(np.float64), at)
-    low, high = low - TUNING.detail_lid * apart, high + TUNING.detail_lid * apart
+    low, high = low - DETAIL.detail_lid * apart, high + DETAIL.detail_lid * apart
     closer = close_ups(cameras, low - capture.spacing, high + capture.spacing)
     spacing = max(apart, TUNING.make_grain * footprint(closer, means[inside]))
     return Core(low, high, closer, spacing)
@@ -112,12 +122,12 @@ def _turned_to(cameras: Sequence[Camera]) -> float | None:
     ways = np.stack([-x.world_from_camera[:3, 2] for x in cameras])
     across = np.eye(3) - ways[:, :, None] * ways[:, None, :]
     total = across.sum(axis=0)
-    if np.linalg.eigvalsh(total)[0] < TUNING.detail_turned * len(cameras):
+    if np.linalg.eigvalsh(total)[0] < DETAIL.detail_turned * len(cameras):
         return None
     middle = np.linalg.solve(total, np.einsum("nij,nj->i", across, eyes))
     ahead = np.einsum("ni,ni->n", middle - eyes, ways)
     aside = np.linalg.norm(middle - eyes - ahead[:, None] * ways, axis=1)
-    return float(np.median(ahead)) if np.median(aside / np.maximum(ahead, 1e-9)) < TUNING.detail_aside else None
+    return float(np.median(ahead)) if np.median(aside / np.maximum(ahead, 1e-9)) < DETAIL.detail_aside else None
 
 
 def others(fine: Sequence[Flat], flats: Sequence[Flat], tolerance: float) -> list[Flat]:
@@ -150,11 +160,11 @@ def closer(flat: Flat, low: F64, high: F64, cell: float, views: Sequence[DepthMa
     size = np.ceil(ends.max(axis=0)).astype(np.int64) - first + 1
     bare = Flat(flat.normal, flat.offset, flat.axes, cell, first, np.ones(tuple(size), bool))
     at = bare.middles
-    bare = replace(bare, there=flat.inside(at).reshape(tuple(size)))
+    own = replace(bare, there=flat.inside(at).reshape(tuple(size)))
     if flat.lift is None:
-        return replace(bare, there=_not_seen_past(bare, views, tolerance))
+        return replace(own, there=_not_seen_past(own, views, tolerance))
     before = flat.lifted(at).reshape(tuple(size))
-    own = replace(bare, lift=before)
+    own = replace(own, lift=before)
     across = np.abs(flat.normal) < TUNING.ground_facing  # sides that stand on it
     away = np.minimum(at - low, high - at)[:, across].min(axis=1).reshape(tuple(size))
     share = np.clip(away / (TUNING.ground_fades * tolerance), 0, 1)
@@ -166,7 +176,7 @@ def _not_seen_past(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> N
     from scipy.ndimage import binary_fill_holes, gaussian_filter
 
     held, through, _ = votes(flat, views, tolerance)
-    past = gaussian_filter(through - held, TUNING.detail_past) > 0
+    past = gaussian_filter(through - held, DETAIL.detail_past) > 0
     return np.asarray(binary_fill_holes(flat.there & ~past) & flat.there)
 
 
@@ -181,14 +191,13 @@ def without_fog(fine: Soup, views: Sequence[DepthMap], spacing: float) -> Soup:
     """
     from scipy.spatial import cKDTree
 
-    found = (points_of(view, TUNING.sure_step) for view in views)
-    sure = np.concatenate([points[trust > TUNING.fog] for points, _, trust in found])
+    sure = np.concatenate([sure_points(view, TUNING.fog) for view in views])
     if not len(fine.faces) or not len(sure):
         return fine
-    part, some = parts_of(fine.faces), slice(None, None, TUNING.detail_looked)
+    part, some = parts_of(fine.faces), slice(None, None, DETAIL.detail_looked)
     away, _ = cKDTree(sure).query(fine.vertices[fine.faces[some]].mean(axis=1), distance_upper_bound=2 * spacing)
     count, known = (np.bincount(part[some], x, part.max() + 1) for x in (None, np.isfinite(away)))
-    kept = known >= TUNING.detail_sure * count
+    kept = known >= DETAIL.detail_sure * count
     return compact(Soup(fine.vertices, fine.faces[kept[part]]))
 
 

@@ -21,6 +21,7 @@ from mirelight.proxy.decimate import decimated
 from mirelight.proxy.dents import filled
 from mirelight.proxy.depth import DepthMap, DepthMaps, footprint, shows
 from mirelight.proxy.detail import Core, closer, core_of, others, with_core, without_fog
+from mirelight.proxy.detail_tuning import DETAIL
 from mirelight.proxy.ends import ended
 from mirelight.proxy.flats import Flat, even, flats_of, on_flats
 from mirelight.proxy.foot import foot_of
@@ -311,7 +312,7 @@ def _detailed(
 ) -> Soup:
     """The surface with what most pictures show in cells of its own."""
     report("looking closer", 0.0)
-    margin = TUNING.detail_margin * capture.spacing
+    margin = DETAIL.detail_margin * capture.spacing
     maps = DepthMaps(replace(capture, spacing=core.spacing), settings)
     shown = [maps.of(camera) for camera in passed(core.cameras, part(report, 0.0, 0.15), DEPTHS)]
     whole = each(lambda view: slanted(view, core.spacing), shown, part(report, 0.15, 0.2), "smoothing depth maps")

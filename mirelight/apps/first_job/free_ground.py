@@ -18,7 +18,7 @@ _LEVEL = 0.1  # of an object's height: how uneven ground may be
 OVER = 1.2  # of its height: what hangs higher is not in its way
 _STRAYS = 0.02  # share of what is seen there that may be anything else
 _RIM = np.stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)], axis=1)
-_LOWER = 2.0  # units of way that an object is moved for each unit that it would stand above the ground there
+_HIGHER = 2.0  # units of way that an object is moved for each unit that it would stand above the ground there
 
 
 @dataclass(slots=True, eq=False)
@@ -56,7 +56,7 @@ class FreeGround:
         if not len(tried):
             return None
         higher = tried[:, 1] - self._beneath(near, radius)
-        away = np.linalg.norm((tried - near)[:, [0, 2]], axis=1) + np.where(higher > 0, _LOWER * higher, -higher)
+        away = np.linalg.norm((tried - near)[:, [0, 2]], axis=1) + np.where(higher > 0, _HIGHER * higher, -higher)
         tried = tried[np.argsort(away, kind="stable")]
         best: tuple[int, F64, tuple[float, float]] | None = None
         for place in tried:

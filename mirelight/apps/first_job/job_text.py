@@ -17,7 +17,7 @@ from mirelight.base.errors import InputError, printable
 from mirelight.base.pages import page
 from mirelight.base.progress import ShareProgress, part, quiet
 from mirelight.estimate.tuning import TUNING
-from mirelight.io.cameras.placed import Panorama
+from mirelight.io.cameras import Panorama
 from mirelight.model import Camera, SplatCloud, SplatWorld
 from mirelight.pipeline.guesses import guessed_of_file
 from mirelight.proxy import views

@@ -19,7 +19,7 @@ import numpy as np
 from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
-from mirelight.io.cameras.placed import Distortion, FileCamera, Intrinsics, Panorama, pinholes
+from mirelight.io.cameras.placed import ALL_AROUND, Distortion, FileCamera, Intrinsics, Panorama, pinholes
 from mirelight.io.safety import open_binary
 from mirelight.model import F64
 
@@ -40,8 +40,6 @@ class Model:
     prism: tuple[int, int] | None = None
     fisheye: bool = False
 
-
-ALL_AROUND = "EQUIRECTANGULAR"
 
 # In the order of their numbers (colmap/src/colmap/sensor/models.h).
 MODELS = (

@@ -42,6 +42,11 @@ class Picture:
         """What is read."""
         return (self.path,) if self.mask is None else (self.path, self.mask)
 
+    @property
+    def size(self) -> Size:
+        """Width and height in pixels that the file has, or had before it was scaled."""
+        return self.lens.size if self.distortion is None else self.distortion.size(self.lens)
+
     def read(self) -> F32:
         """The picture on the grid of :func:`view_size`, its distortion undone.
 
@@ -55,11 +60,12 @@ class Picture:
         with open_binary(self.path) as stream:
             rgb, alpha = decode_with_alpha(stream, self.path)
         shape = rgb.shape[1], rgb.shape[0]
-        _require_shape(self.path, shape, self.lens.size if self.distortion is None else self.distortion.size(self.lens))
+        _require_shape(self.path, shape, self.size)
         counts = np.ones(rgb.shape[:2], np.float32) if alpha is None else alpha
         if self.mask is not None:
             counts = counts * _mask(self.mask, shape)
-        return _seen(np.concatenate([rgb * counts[..., None], counts[..., None]], axis=2), self.lens, self.distortion)
+        weighed = np.concatenate([rgb * counts[..., None], counts[..., None]], axis=2)
+        return _seen(weighed, self.size, self.lens, self.distortion)
 
 
 def view_size(width: int, height: int) -> Size:
@@ -146,10 +152,10 @@ def _mask(path: Path, shape: Size) -> F32:
     return np.asarray(gray[np.ix_(rows, columns)] > 0.1, np.float32)
 
 
-def _seen(picture: F32, lens: Intrinsics, distortion: Distortion | Panorama | None) -> F32:
-    """A picture (H, W, 4), colours times what counts, as the lens' pinhole sees it on its small grid."""
+def _seen(picture: F32, whole: Size, lens: Intrinsics, distortion: Distortion | Panorama | None) -> F32:
+    """A picture (H, W, 4) of one that is so large, colours times what counts, as the lens' pinhole sees it on its small
+    grid."""
     width, height = view_size(lens.width, lens.height)
-    whole = lens.size if distortion is None else distortion.size(lens)
     step = max(picture.shape[1] * lens.width // (whole[0] * width), 1)
     small = _reduced(picture, step)
     scale = np.array([picture.shape[1] / whole[0], picture.shape[0] / whole[1]]) / step

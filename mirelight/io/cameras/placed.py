@@ -133,6 +133,7 @@ def _series(coefficients: tuple[float, ...], r2: F64) -> F64:
     return out
 
 
+ALL_AROUND = "EQUIRECTANGULAR"  # as COLMAP and nerfstudio name the model
 Side = Literal["front", "right", "back", "left", "up", "down"]
 
 # Columns: what is right, up and behind for each side, in the panorama's own axes (+X right, +Y up, -Z its middle).
@@ -156,7 +157,7 @@ class Panorama:
 
     side: Side
     width: int  # of the panorama, twice its height
-    model: str = "EQUIRECTANGULAR"
+    model: str = ALL_AROUND
 
     def lens(self) -> Intrinsics:
         """The pinhole of 90 degrees whose pixels are as large in its middle as the panorama's."""
@@ -229,13 +230,12 @@ def pinholes(cameras: Iterable[FileCamera]) -> tuple[FileCamera, ...]:
     All front sides come before all right ones, and so on, so that a few that are evenly taken look all ways.
     """
     taken = tuple(cameras)
-    whole = [x for x in taken if isinstance(x.distortion, Panorama)]
+    whole = [(x, x.distortion) for x in taken if isinstance(x.distortion, Panorama)]
     out = [x for x in taken if not isinstance(x.distortion, Panorama)]
     for side, turn in _SIDES.items():
-        for one in whole:
-            assert isinstance(one.distortion, Panorama)
+        for one, bend in whole:
             pose = one.world_from_camera.copy()
             pose[:3, :3] = pose[:3, :3] @ turn
-            bend = replace(one.distortion, side=side)
-            out.append(replace(one, name=f"{one.name}_{side}", world_from_camera=pose, distortion=bend))
+            name = f"{one.name}_{side}"
+            out.append(replace(one, name=name, world_from_camera=pose, distortion=replace(bend, side=side)))
     return tuple(out)

@@ -20,7 +20,7 @@ from mirelight.base import conventions
 from mirelight.base.conventions import Matrix
 from mirelight.base.errors import InputError
 from mirelight.io.cameras import reading
-from mirelight.io.cameras.placed import Angle, Distortion, FileCamera, Intrinsics, Panorama, pinholes
+from mirelight.io.cameras.placed import ALL_AROUND, Angle, Distortion, FileCamera, Intrinsics, Panorama, pinholes
 from mirelight.io.gltf.fields import Fields
 from mirelight.io.safety import contained, open_binary
 from mirelight.model import F64, Camera
@@ -30,7 +30,7 @@ Axes = Literal["opengl", "opencv"]
 _POINTS = "sparse_pc.ply"  # as ns-process-data names it
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # a world with Y up to one with Z up
 
-_FISHEYE, _ALL_AROUND = "OPENCV_FISHEYE", "EQUIRECTANGULAR"
+_FISHEYE = "OPENCV_FISHEYE"
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 _RADIAL = ("k1", "k2", "k3", "k4")
 _TANGENTIAL = ("p1", "p2")
@@ -140,7 +140,7 @@ def _own_or_shared(frame: Fields, top: Fields) -> Fields:
 
 def _lens(source: Fields) -> tuple[Intrinsics | Angle, Distortion | Panorama | None]:
     model = _FISHEYE if source.flag("is_fisheye") else source.text("camera_model", "OPENCV")
-    if model == _ALL_AROUND:
+    if model == ALL_AROUND:
         return _all_around(source)
     if model not in (*_PINHOLES, _FISHEYE):
         raise source.fail("camera_model", f"{model[:40]!r}, which no pinhole stands for", "undistort the capture")

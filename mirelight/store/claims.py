@@ -1,9 +1,11 @@
 """Who works on what, among processes and machines that share a folder. No server and no file locks.
 
-A claim is a file that only one process can make (`O_EXCL` is atomic, on NFS too). Its process touches it while it
-works; a claim of a process that has ended, or that was not touched for long, is taken over by whoever renames it first.
-Who has renamed one that is not what it had looked at (another was quicker, and it is that one's now) puts it back.
-Should two work at once all the same, they make the same files twice, and lose nothing.
+A claim is a file that only one process can make: a link to a file that is signed already, so that a process that is
+killed leaves no claim without a name; where there are no links, a file that must be new (`O_EXCL`). Both are atomic, on
+NFS too. Its process touches it while it works; a claim of a process that has ended, or that was not touched for long,
+is taken over by whoever renames it first. Who has renamed one that is not what it had looked at (another was quicker,
+and it is that one's now) puts it back. Should two work at once all the same, they make the same files twice, and lose
+nothing.
 """
 
 from __future__ import annotations
@@ -135,29 +137,36 @@ class Claims:
 
     def _take(self, path: Path, name: str, run: str, mark: str) -> bool:
         for _ in range(2):
+            _OWN.add(mark)
             try:
-                handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-            except FileExistsError:
+                self._make(path, {"name": name, "host": platform.node(), "run": run, "mark": mark})
+            except OSError as e:
+                _OWN.discard(mark)
+                if not isinstance(e, FileExistsError):
+                    raise output_error(path, e) from None
                 found = self._abandoned(path, run)
                 if found is None or not self._removed(path, found):
                     return False
                 continue
-            except OSError as e:
-                raise output_error(path, e) from None
-            since = os.fstat(handle).st_mtime
-            about = {"name": name, "host": platform.node(), "since": since, "run": run, "mark": mark}
-            _OWN.add(mark)
-            try:
-                os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
-            except OSError as e:
-                _OWN.discard(mark)
-                path.unlink(missing_ok=True)
-                raise output_error(path, e) from None
-            finally:
-                os.close(handle)
             self._toucher.hold(path)
             return True
         return False
+
+    def _make(self, path: Path, about: dict[str, object]) -> None:
+        """A claim of this process.
+
+        Raises:
+            FileExistsError: somebody holds it.
+            OSError: the folder cannot be written.
+        """
+        ready = self._beside(path)
+        try:
+            with ready.open("xb") as file:
+                about["since"] = os.fstat(file.fileno()).st_mtime
+                file.write(f"{owner.token()}\n{json.dumps(about)}\n".encode())
+            _placed(ready, path)
+        finally:
+            ready.unlink(missing_ok=True)
 
     def _abandoned(self, path: Path, run: str) -> _Signed | None:
         """The claim, where nobody is at its work any more."""
@@ -182,9 +191,13 @@ class Claims:
             with suppress(OSError):
                 probe.unlink()
 
+    def _beside(self, path: Path) -> Path:
+        """A name for a temporary file of this process."""
+        return path.with_name(f".{path.name}~{owner.token()}-{secrets.token_hex(4)}")
+
     def _removed(self, path: Path, seen: _Signed) -> bool:
         """Takes a claim away that was seen to be abandoned; of several that try, one can."""
-        taken = path.with_name(f".{path.name}~{owner.token()}-{secrets.token_hex(4)}")
+        taken = self._beside(path)
         try:
             path.rename(taken)
         except OSError:
@@ -200,6 +213,27 @@ class Claims:
     def close(self) -> None:
         """Ends the thread that touches claims."""
         self._toucher.close()
+
+
+def _placed(ready: Path, path: Path) -> None:
+    """Give a file a second name that nothing has.
+
+    Raises:
+        FileExistsError: something has it.
+        OSError: it cannot be written.
+    """
+    try:
+        os.link(ready, path, follow_symlinks=False)
+    except FileExistsError:
+        raise
+    except (OSError, NotImplementedError):  # a file system without such links
+        with path.open("xb") as file:
+            try:
+                file.write(ready.read_bytes())
+                file.flush()
+            except OSError:
+                path.unlink(missing_ok=True)
+                raise
 
 
 def _put_back(taken: Path, path: Path) -> None:

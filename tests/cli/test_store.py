@@ -295,7 +295,7 @@ def test_a_claim_says_who_and_since_when(tmp_path: Path) -> None:
 
 
 def test_a_process_killed_while_it_claims_holds_nothing(tmp_path: Path) -> None:
-    """Between making the file and signing it."""
+    """Between making the file and signing it, where there are no links."""
     claims = Claims(tmp_path)
     with claims.claim("front"):
         (path,) = tmp_path.iterdir()
@@ -305,6 +305,26 @@ def test_a_process_killed_while_it_claims_holds_nothing(tmp_path: Path) -> None:
     os.utime(path, (time.time() - 60, time.time() - 60))
     with claims.claim("front") as now:
         assert now
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_claim_is_made_once_and_signed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool) -> None:
+    true, held = os.link, []
+
+    def link(ready: Path, path: Path, **more: Any) -> None:
+        held.append(Path(ready).read_text().partition("\n")[0])
+        if not links:
+            raise PermissionError(errno.EPERM, "Operation not permitted")
+        true(ready, path, **more)
+
+    monkeypatch.setattr(os, "link", link)
+    claims, other = Claims(tmp_path), Claims(tmp_path)
+    with claims.claim("front") as first, other.claim("front") as second:
+        assert first and not second
+        assert held == [owner.token()] * 2  # whole before it has its name
+        (path,) = tmp_path.iterdir()
+        assert path.read_text().startswith(f"{owner.token()}\n")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_claim_taken_over_is_left_to_its_new_holder(tmp_path: Path) -> None:

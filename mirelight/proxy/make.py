@@ -207,7 +207,8 @@ def _of_one_picture(splats: SplatCloud, camera: Camera, source: str | Path) -> t
 def _stands(views: Sequence[DepthMap], cameras: Sequence[Camera], *, around: bool) -> F64 | None:
     """(3,) unit: which way is up for cameras and what views show, be they theirs, guessed or from around; None where it
     is not sure."""
-    seen, held = Seen.of(views, around=around), held_up(cameras)
+    seen = Seen.of(views, around=around)
+    held = held_up(cameras, seen.at)
     if held is not None:
         return levelled(seen, held)
     found = upright(seen, _UPRIGHT if around else None)

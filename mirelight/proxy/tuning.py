@@ -245,6 +245,10 @@ class Tuning:
     view_all_pixels: int = 5_000_000  # of their pictures: what a minute and a half goes over on two cores
     view_upright: float = 0.5  # length of the mean of cameras' ups, below which they are held in all ways
     view_rolled: float = 0.05  # mean square of their rights' cosine with up, above which they are rolled about
+    view_one_way: float = 0.97  # length of the mean of where cameras look, above which all look one way (drones: 0.999)
+    # of how far away what they show is, from a drone's first strip to its last: 1.1 in one survey; pictures of a thing
+    # from the front have 0.3
+    view_survey: float = 0.7
     view_border: float = 0.02  # of the longer side, kept free around the splats' centres
 
     # places inside (`inside`)

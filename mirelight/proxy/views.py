@@ -62,14 +62,21 @@ def mean_up(cameras: Sequence[Camera]) -> F64:
     return np.asarray(np.mean([camera.world_from_camera[:3, 1] for camera in cameras], axis=0))
 
 
-def held_up(cameras: Sequence[Camera]) -> F64 | None:
+def held_up(cameras: Sequence[Camera], shown: F32 | F64) -> F64 | None:
     """(3,) unit: which way is up for most cameras, across the right of all; None where they are held in all ways, or
     there are none.
 
     Those that look down lean forward, and their mean to where most of them look; all from one side have but the mean.
+    A drone that maps a land looks straight down, and what is up in its pictures is where it heads.
+
+    Args:
+        cameras: the capture's.
+        shown: (N, 3) points of what they show.
     """
     if not cameras:
         return None
+    if (above := _from_above(cameras, shown)) is not None:
+        return above
     mean = mean_up(cameras)
     long = float(np.linalg.norm(mean))
     rights = np.stack([camera.world_from_camera[:3, 0] for camera in cameras])
@@ -80,6 +87,22 @@ def held_up(cameras: Sequence[Camera]) -> F64 | None:
         return mean / long
     way = vectors[:, 0]
     return np.asarray(way * np.sign(dot(way, mean)))
+
+
+def _from_above(cameras: Sequence[Camera], shown: F32 | F64) -> F64 | None:
+    """(3,) unit against where cameras look, where all look one way and their strips are as far apart as what they show
+    (N, 3) is away: people who go along a wall do not climb it as well. None of others."""
+    ahead = -np.mean([camera.world_from_camera[:3, 2] for camera in cameras], axis=0)
+    long = float(np.linalg.norm(ahead))
+    if long < TUNING.view_one_way or not len(shown):
+        return None
+    ahead /= long
+    places = np.stack([camera.position for camera in cameras])
+    about = places - places.mean(axis=0)
+    across = about - np.outer(about @ ahead, ahead)
+    strips = np.ptp(across @ np.linalg.svd(across)[2][1])
+    away = float(np.median(shown @ ahead)) - float(places.mean(axis=0) @ ahead)
+    return -ahead if strips > TUNING.view_survey * away > 0 else None
 
 
 def fewer(cameras: Sequence[Camera]) -> tuple[Camera, ...]:

@@ -25,6 +25,7 @@ from mirelight.base.errors import InputError
 from mirelight.cli.report import lines
 from mirelight.estimate import Confidence, Estimate
 from mirelight.io import job, splats
+from mirelight.io.cameras import inria
 from mirelight.io.exr import write_exr
 from mirelight.io.gltf import document
 from mirelight.io.gltf.write import write_glb, write_lights
@@ -170,6 +171,26 @@ def test_what_a_camera_shows_is_ahead_of_it_though_the_most_lies_behind() -> Non
     few = take(cloud, np.arange(0, len(cloud), 200))  # hardly anything is hidden by them
     faint = replace(few, opacities=np.full(len(few), 0.11, np.float32))
     assert np.isfinite(view.best(faint, "a.ply", shown).target).all()
+
+
+def test_a_land_that_a_drone_maps_lies_level_and_is_shown_from_above(tmp_path: Path) -> None:
+    """In axes in which all its cameras look along +Z, as many a tool leaves them."""
+    points, normals = square(12, 0.15, 2, 5.0)
+    things = [ball(300, centre=(x, y, 4.5)) for x, y in ((-2, 1), (1.5, -1), (0, 3))]
+    splats.write(joined(on_surface(points, normals, 0.1, thin=0.1), *things), tmp_path / "land.ply")
+    places = [(x, y, 0.0) for y in (-2.0, 0.0, 2.0) for x in (-3.0, -1.0, 1.0, 3.0)]
+    turn = conventions.look_at((0, 0, 0), (0, 0, 1), (0, -1, 0))[:3, :3]
+    taken = [
+        Camera.perspective(conventions.compose(translation=x, rotation=turn), 96, 54, yfov=45, name=f"a{k}")
+        for k, x in enumerate(places)
+    ]
+    (tmp_path / "cameras.json").write_text(json.dumps([inria.entry(x, k) for k, x in enumerate(taken)]))
+    found = job_for(tmp_path / "land.ply", tmp_path, Wish(cameras=tmp_path / "cameras.json"))
+    assert "Up, which is +Y in a job: from 12 cameras of the capture" in found.text
+    first = next(x for x in job.load_text(found.text, tmp_path / "job.toml").cameras if x.name == "first")
+    assert first.world_from_camera[1, 2] > 0.999  # straight down
+    assert any(np.allclose(first.position, [x, 0, y], atol=1e-3) for x, y, _ in places)
+    assert first.world_from_camera[:3, 1] @ [0, 0, -1] > 0.999  # as it was held
 
 
 @pytest.mark.parametrize("cut_out", [True, False])

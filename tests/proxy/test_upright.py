@@ -188,7 +188,35 @@ def test_cameras_that_lean_are_put_right_by_floors_and_walls(turn: F64) -> None:
 def test_cameras_that_look_down_from_one_side_are_held_level() -> None:
     """Their mean leans to where they look; across the right of all is up."""
     looks = [Camera.look_at(np.array([x, 2.0, 3.0]), np.array([0.3 * x, 0, 0]), 8, 8, yfov=40) for x in (-2, -1, 1, 2)]
-    level = held_up(looks)
+    level = held_up(looks, np.zeros((1, 3)))
     assert level is not None and np.allclose(level, [0, 1, 0], atol=1e-6)
     about = [replace(looks[0], world_from_camera=conventions.compose(rotation=turn)) for turn in TURNS]
-    assert held_up(about) is None and held_up([]) is None
+    assert held_up(about, np.zeros((1, 3))) is None and held_up([], np.zeros((1, 3))) is None
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("back", [False, True])
+def test_what_a_drone_maps_lies_beneath_it(turn: F64, back: bool) -> None:
+    """To and fro over the land, its head ahead on each strip or to one side: its pictures' up is none."""
+    rng = np.random.default_rng(1)
+    land = (rng.uniform(-8, 8, (500, 3)) * [1, 0.1, 1]) @ turn.T
+
+    def surveyed(strip: float, apart: float) -> list[Camera]:
+        cameras = []
+        for k, z in enumerate(np.linspace(-apart, apart, 3)):
+            head = np.diag([-1.0, 1.0, -1.0]) if back and k % 2 else np.eye(3)
+            down = turn @ head @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # looks along -Y, and has -Z up
+            places = (np.array([x, 5.0 + 0.1 * rng.normal(), z]) for x in np.linspace(-strip, strip, 5))
+            cameras += [
+                replace(
+                    Camera.look_at((0, 0, 1), (0, 0, 0), 8, 8, yfov=40),
+                    world_from_camera=conventions.compose(translation=turn @ place, rotation=down),
+                )
+                for place in places
+            ]
+        return cameras
+
+    above = held_up(surveyed(4, 3), land)
+    assert above is not None and np.allclose(above, turn[:, 1], atol=1e-6)
+    front = held_up(surveyed(4, 0.7), land)  # the same of a wall, whose pictures somebody took on foot
+    assert front is None if back else front is not None and np.allclose(front, -turn[:, 2], atol=1e-6)

@@ -41,6 +41,7 @@ _LEVELLED = 2  # times that a plane is laid through a layer
 _WIDE = 5.0  # times as wide as it is thick: a layer that tells how it lies
 _ALONG = 0.9  # cosine between a splat's normal and the floor's
 _DIRECTIONS = 100
+_CLEAR = 0.1  # opacity, below which splats show nothing
 _SAMPLE = 20_000  # splats that are looked at
 _STRAIGHT = np.cos(np.radians(2.0))  # nearer to an axis counts as the axis: they are found to 1.5
 _LIKELY = ((1.5, (0, 1, 0)), (1.2, (0, 0, 1)))  # worth of a floor across these axes, either sign
@@ -77,7 +78,7 @@ def find(cloud: SplatCloud, path: Path, cameras: Sequence[Camera] = (), guess: G
     """
     stage = path.suffix.lower() in SCENES
     habit = np.array([0.0, 1.0 if stage else -1.0, 0.0])
-    taken = _of_cameras(cameras)
+    taken = _of_cameras(cameras, cloud)
     shown = (
         _of_floor(cloud, habit, stage)
         if are_discs(cloud)
@@ -159,11 +160,11 @@ def some_discs(cloud: SplatCloud, wanted: NDArray[np.bool_]) -> tuple[NDArray[np
     return rows, scales[:, 1] * scales[:, 2] * cloud.opacities[rows], normals
 
 
-def _of_cameras(cameras: Sequence[Camera]) -> F64 | None:
+def _of_cameras(cameras: Sequence[Camera], cloud: SplatCloud) -> F64 | None:
     """As cameras were held; None where they do not agree, as of a phone rolled about."""
     if len(cameras) < 3 or not np.ptp([x.position for x in cameras], axis=0).any():  # a panorama's sides were not held
         return None
-    return held_up(cameras)
+    return held_up(cameras, cloud.means[cloud.opacities > _CLEAR])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,7 +185,7 @@ class Floor:
 def _floor(cloud: SplatCloud) -> Floor | None:
     """The layer that holds most area with nearly nothing on its other side. A closed room has two: things stand on the
     floor, so what lies between both and is no wall lies nearer to it."""
-    sound = np.isfinite(cloud.means).all(axis=1) & np.isfinite(cloud.scales).all(axis=1) & (cloud.opacities > 0.1)
+    sound = np.isfinite(cloud.means).all(axis=1) & np.isfinite(cloud.scales).all(axis=1) & (cloud.opacities > _CLEAR)
     rows, area, normals = some_discs(cloud, sound)
     if len(rows) < 50:
         return None

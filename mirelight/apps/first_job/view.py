@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirelight.base import colour
+from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.model import F32, F64, Camera, SplatCloud, SplatLayer
@@ -120,7 +120,8 @@ def best(
             tried = [] if around else _about(stood_at)
         else:
             tried = _whole_from(points, middle, stood_at) if around else [_wide(x) for x in stood_at]
-    views = [x for c in tried if (x := _within(c, radius)) is not None]
+    level = [c for c in tried if not is_steep(c)]
+    views = [_within(c, radius) for c in (level or (captured and tried))]
     stood = bool(views)
     amid = stood and not captured and not cloud.sh_degree
     if not stood:
@@ -201,19 +202,22 @@ def _wide(camera: Camera) -> Camera:
     return Camera.look_at(camera.position, camera.position + ahead, _WIDTH, _HEIGHT, yfov=ROOM_YFOV, name=camera.name)
 
 
-def _within(camera: Camera, radius: float) -> Camera | None:
-    """A level picture, as wide as the first one, of what a camera of the capture saw; None where it looks up or down.
+def is_steep(camera: Camera) -> bool:
+    """Whether it looks straight up or down, and shows no level picture."""
+    return bool(abs(camera.world_from_camera[1, 2]) > _STEEP)
+
+
+def _within(camera: Camera, radius: float) -> Camera:
+    """A level picture, as wide as the first one, of what a camera of the capture saw; as it was held where it is steep.
 
     Where it stood splats were seen from, and past the rims of its picture there may be none.
     """
     ahead = -camera.world_from_camera[:3, 2]
-    if abs(ahead[1]) > _STEEP:
-        return None
+    up = camera.world_from_camera[:3, 1] if is_steep(camera) else np.array([0.0, 1.0, 0.0])
     half = min(camera.height / 2 / camera.fy, camera.width / 2 / camera.fx * _HEIGHT / _WIDTH)
     yfov = 2 * float(np.degrees(np.arctan(half)))
-    return Camera.look_at(
-        camera.position, camera.position + ahead, _WIDTH, _HEIGHT, yfov=yfov, near=1e-3 * radius, name=camera.name
-    )
+    held = conventions.look_at(camera.position, camera.position + ahead, up)
+    return Camera.perspective(held, _WIDTH, _HEIGHT, yfov=yfov, near=1e-3 * radius, name=camera.name)
 
 
 def _share(points: F64, camera: Camera) -> float:

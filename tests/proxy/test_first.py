@@ -173,15 +173,16 @@ def test_what_a_camera_shows_is_ahead_of_it_though_the_most_lies_behind() -> Non
     assert np.isfinite(view.best(faint, "a.ply", shown).target).all()
 
 
-def test_a_land_that_a_drone_maps_lies_level_and_is_shown_from_above(tmp_path: Path) -> None:
-    """In axes in which all its cameras look along +Z, as many a tool leaves them."""
+@pytest.mark.parametrize("size", [(1920, 1080), (1080, 1920)])
+def test_a_land_that_a_drone_maps_lies_level_and_is_shown_from_above(tmp_path: Path, size: tuple[int, int]) -> None:
+    """In axes in which all its cameras look along +Z, as many a tool leaves them; in pictures of their shape."""
     points, normals = square(12, 0.15, 2, 5.0)
     things = [ball(300, centre=(x, y, 4.5)) for x, y in ((-2, 1), (1.5, -1), (0, 3))]
     splats.write(joined(on_surface(points, normals, 0.1, thin=0.1), *things), tmp_path / "land.ply")
     places = [(x, y, 0.0) for y in (-2.0, 0.0, 2.0) for x in (-3.0, -1.0, 1.0, 3.0)]
     turn = conventions.look_at((0, 0, 0), (0, 0, 1), (0, -1, 0))[:3, :3]
     taken = [
-        Camera.perspective(conventions.compose(translation=x, rotation=turn), 96, 54, yfov=45, name=f"a{k}")
+        Camera.perspective(conventions.compose(translation=x, rotation=turn), *size, yfov=45, name=f"a{k}")
         for k, x in enumerate(places)
     ]
     (tmp_path / "cameras.json").write_text(json.dumps([inria.entry(x, k) for k, x in enumerate(taken)]))
@@ -191,6 +192,8 @@ def test_a_land_that_a_drone_maps_lies_level_and_is_shown_from_above(tmp_path: P
     assert first.world_from_camera[1, 2] > 0.999  # straight down
     assert any(np.allclose(first.position, [x, 0, y], atol=1e-3) for x, y, _ in places)
     assert first.world_from_camera[:3, 1] @ [0, 0, -1] > 0.999  # as it was held
+    assert (first.width, first.height) == (size[0] // 2, size[1] // 2) and "resolution_scale = 0.5 }" in found.text
+    assert np.isclose(first.fy, taken[0].fy / 2, rtol=1e-3)
 
 
 @pytest.mark.parametrize("cut_out", [True, False])

@@ -33,7 +33,7 @@ class Wish:
     """What a person asks of a first job."""
 
     light: str = ""  # "sun", "point", a panorama or a glTF file; "": a sun, and what lies beside the capture
-    resolution: tuple[int, int] = (960, 540)
+    resolution: tuple[int, int] = (960, 540)  # of the first picture, or on end where the capture's are upright
     up: tuple[float, float, float] | None = None  # in the splats' own axes; None: it is looked for
     # meshes that are put into the capture, or one node of each; without a light they are lit by its own
     objects: tuple[tuple[Path, str | None], ...] = ()
@@ -253,11 +253,11 @@ def _cameras(
     shown = fronts or found.cameras
     count = len(shown)
     every = -(-count // _MOST_CAMERAS)
-    width = max(x.size(wish.resolution)[0] for x in shown)
+    longer, most = max(max(x.size(wish.resolution)) for x in shown), max(wish.resolution)
     keys = ', names = ["*_front"]' if fronts else ""
     keys += f", every = {every}" if every > 1 else ""
-    if width > wish.resolution[0]:
-        keys += f", resolution_scale = {wish.resolution[0] / width:.3g}"
+    if longer > most:
+        keys += f", resolution_scale = {most / longer:.3g}"
     bent = max(x.shift() for x in shown) > 0
     if bent:
         keys += ', distortion = "ignore"'
@@ -270,7 +270,7 @@ def _cameras(
 
 
 def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
-    width, height = wish.resolution
+    width, height = _size(seen, wish)
     yield ""
     yield f"resolution = [{width}, {height}]"
     yield ""
@@ -285,6 +285,12 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
         yield f"up = {vector(seen.camera.world_from_camera[:3, 1])} # it looks straight down"
     yield f"yfov = {yfov:.4g} # degrees"
     yield f"near = {away / 1000:.3g}"
+
+
+def _size(seen: view.FirstView, wish: Wish) -> tuple[int, int]:
+    """Pixels of the first picture, width and height: upright where its camera was held so."""
+    width, height = wish.resolution
+    return (height, width) if seen.camera.height > seen.camera.width else (width, height)
 
 
 def _assumed(seen: view.FirstView, proxy: beside.Proxy | None) -> Iterator[str]:
@@ -304,7 +310,7 @@ def _assumed(seen: view.FirstView, proxy: beside.Proxy | None) -> Iterator[str]:
 
 def _finer(found: own_cameras.Cameras, seen: view.FirstView, wish: Wish) -> bool:
     """Whether the capture's pictures, as wide as its cameras say, have more pixels to an angle than frames."""
-    frames = seen.camera.fy * wish.resolution[1] / seen.camera.height
+    frames = seen.camera.fy * _size(seen, wish)[1] / seen.camera.height
     cameras = [x.to_camera(x.size(wish.resolution)) for x in found.cameras]
     return float(np.median([x.fy for x in cameras])) > _SMALLER * frames
 

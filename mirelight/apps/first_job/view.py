@@ -208,16 +208,18 @@ def is_steep(camera: Camera) -> bool:
 
 
 def _within(camera: Camera, radius: float) -> Camera:
-    """A level picture, as wide as the first one, of what a camera of the capture saw; as it was held where it is steep.
+    """A level picture, in the first one's shape or upright as a telephone's, of what a camera of the capture saw; as it
+    was held where it is steep.
 
     Where it stood splats were seen from, and past the rims of its picture there may be none.
     """
     ahead = -camera.world_from_camera[:3, 2]
     up = camera.world_from_camera[:3, 1] if is_steep(camera) else np.array([0.0, 1.0, 0.0])
-    half = min(camera.height / 2 / camera.fy, camera.width / 2 / camera.fx * _HEIGHT / _WIDTH)
+    width, height = (_HEIGHT, _WIDTH) if camera.height > camera.width else (_WIDTH, _HEIGHT)
+    half = min(camera.height / 2 / camera.fy, camera.width / 2 / camera.fx * height / width)
     yfov = 2 * float(np.degrees(np.arctan(half)))
     held = conventions.look_at(camera.position, camera.position + ahead, up)
-    return Camera.perspective(held, _WIDTH, _HEIGHT, yfov=yfov, near=1e-3 * radius, name=camera.name)
+    return Camera.perspective(held, width, height, yfov=yfov, near=1e-3 * radius, name=camera.name)
 
 
 def _share(points: F64, camera: Camera) -> float:

@@ -30,6 +30,7 @@ from mirelight.store.touching import Toucher
 _STALE = 600.0  # seconds without a touch after which a process counts as gone, even where its number lives
 _LONGEST = 1 << 16  # bytes of a claim that are read
 _UNSIGNED = 10.0  # seconds after which a claim without a name counts as that of a process killed while it made it
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL  # a file that must not be there before
 _OWN: set[str] = set()  # marks of the claims that this process holds
 
 
@@ -161,9 +162,12 @@ class Claims:
         """
         ready = self._beside(path)
         try:
-            with ready.open("xb") as file:
-                about["since"] = os.fstat(file.fileno()).st_mtime
-                file.write(f"{owner.token()}\n{json.dumps(about)}\n".encode())
+            handle = os.open(ready, _NEW, 0o644)
+            try:
+                about["since"] = os.fstat(handle).st_mtime
+                os.write(handle, f"{owner.token()}\n{json.dumps(about)}\n".encode())
+            finally:
+                os.close(handle)
             _placed(ready, path)
         finally:
             ready.unlink(missing_ok=True)
@@ -227,13 +231,14 @@ def _placed(ready: Path, path: Path) -> None:
     except FileExistsError:
         raise
     except (OSError, NotImplementedError):  # a file system without such links
-        with path.open("xb") as file:
-            try:
-                file.write(ready.read_bytes())
-                file.flush()
-            except OSError:
-                path.unlink(missing_ok=True)
-                raise
+        handle = os.open(path, _NEW, 0o644)
+        try:
+            os.write(handle, ready.read_bytes())
+        except OSError:
+            path.unlink(missing_ok=True)
+            raise
+        finally:
+            os.close(handle)
 
 
 def _put_back(taken: Path, path: Path) -> None:

@@ -160,7 +160,7 @@ class Claims:
             FileExistsError: somebody holds it.
             OSError: the folder cannot be written.
         """
-        ready = self._beside(path)
+        ready = _beside(path)
         try:
             handle = os.open(ready, _NEW, 0o644)
             try:
@@ -185,7 +185,7 @@ class Claims:
 
     def _now(self) -> float:
         """The folder's own clock: the machines' may differ."""
-        probe = self._folder / f".clock~{owner.token()}-{secrets.token_hex(4)}"
+        probe = _beside(self._folder / "clock")
         try:
             probe.touch()
             return probe.stat().st_mtime
@@ -195,13 +195,9 @@ class Claims:
             with suppress(OSError):
                 probe.unlink()
 
-    def _beside(self, path: Path) -> Path:
-        """A name for a temporary file of this process."""
-        return path.with_name(f".{path.name}~{owner.token()}-{secrets.token_hex(4)}")
-
     def _removed(self, path: Path, seen: _Signed) -> bool:
         """Takes a claim away that was seen to be abandoned; of several that try, one can."""
-        taken = self._beside(path)
+        taken = _beside(path)
         try:
             path.rename(taken)
         except OSError:
@@ -217,6 +213,11 @@ class Claims:
     def close(self) -> None:
         """Ends the thread that touches claims."""
         self._toucher.close()
+
+
+def _beside(path: Path) -> Path:
+    """A name for a temporary file of this process."""
+    return path.with_name(f".{path.name}~{owner.token()}-{secrets.token_hex(4)}")
 
 
 def _placed(ready: Path, path: Path) -> None:

@@ -282,7 +282,7 @@ def _camera(seen: view.FirstView, wish: Wish) -> Iterator[str]:
     yield f"target = {position(seen.camera.position + ahead * away, seen)}"
     yfov = 2 * np.degrees(np.arctan(seen.camera.height / 2 / seen.camera.fy))
     if view.is_steep(seen.camera):
-        yield f"up = {vector(seen.camera.world_from_camera[:3, 1])} # it looks straight down"
+        yield f"up = {vector(seen.camera.world_from_camera[:3, 1])} # it looks straight up or down, and was held so"
     yield f"yfov = {yfov:.4g} # degrees"
     yield f"near = {away / 1000:.3g}"
 

@@ -302,10 +302,10 @@ def depth_of(view: DepthMap, flat: Flat, directions: F64) -> F32:
     return np.where(there, depth, 0).astype(np.float32)
 
 
-def seen_through(flat: Flat, views: Sequence[DepthMap], tolerance: float) -> Bool:
-    """(I, J) which of a plane's cells views surely look through."""
+def seen_through(flat: Flat, views: Sequence[DepthMap], tolerance: float, least: float = TUNING.fog) -> Bool:
+    """(I, J) which of a plane's cells views surely look through: trusted more than `least` in the mean."""
     held, through, seen = votes(flat, views, tolerance)
-    return (through > held) & (through > TUNING.fog * seen)
+    return (through > held) & (through > least * seen)
 
 
 def _confirmed(flat: Flat, flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float) -> Flat:

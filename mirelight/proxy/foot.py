@@ -44,10 +44,10 @@ def foot_of(views: Sequence[DepthMap], spacing: float, radius: float, up: F64) -
 
 
 def _unknown(view: DepthMap, up: F64) -> float:
-    """The share of a view's pixels below the horizon that are opaque and have no surface."""
+    """The share of a view's opaque pixels below the horizon that have no surface."""
     _, directions = rays(view.camera)
-    unsure = (view.trust < TUNING.fog) & (view.alpha > TUNING.depth_opaque)
-    return float((unsure & (dot(directions, up) < 0)).mean())
+    below = (dot(directions, up) < 0) & (view.alpha > TUNING.depth_opaque)
+    return float((view.trust[below] < TUNING.fog).mean()) if below.any() else 0.0
 
 
 def _stood_on(at: F64, up: F64, spacing: float) -> tuple[F64, float]:
@@ -69,12 +69,14 @@ def _stood_on(at: F64, up: F64, spacing: float) -> tuple[F64, float]:
 
 
 def _reaching(normal: F64, offset: float, views: Sequence[DepthMap], spacing: float, radius: float) -> Flat:
-    """The plane as far as views show anything, but where they surely look through it."""
+    """The plane as far as views show anything and to where they stand, but where they surely look through it."""
     at = np.concatenate(each(lambda view: points_of(view, TUNING.flat_step)[0], views))
     along, cell = axes_of(normal), TUNING.plane_cell * spacing
-    near = at[dot(at, at) < radius * radius]
-    ends = np.quantile(turned(near if len(near) else at, along), THINGS.foot_reach, axis=0) / cell
-    low = np.floor(ends[0]).astype(np.int64)
-    size = tuple(np.ceil(ends[1]).astype(np.int64) + 1 - low)
+    near, eyes = at[dot(at, at) < radius * radius], np.stack([view.camera.position for view in views])
+    ends = np.quantile(turned(near if len(near) else at, along), THINGS.foot_reach, axis=0)
+    ends = np.concatenate([ends, turned(eyes, along)]) / cell
+    low = np.floor(ends.min(axis=0)).astype(np.int64)
+    size = tuple(np.ceil(ends.max(axis=0)).astype(np.int64) + 1 - low)
     whole = Flat(normal, offset, along, cell, low, np.ones(size, bool), np.zeros(size), told=False)
-    return replace(whole, there=~seen_through(whole, views, TUNING.plane_tolerance * spacing))
+    through = seen_through(whole, views, TUNING.plane_tolerance * spacing, THINGS.foot_through)
+    return replace(whole, there=~through)

@@ -84,13 +84,37 @@ def _near_surface(views: Sequence[DepthMap], low: F64, cell: float, shape: tuple
 
     marked = np.zeros(shape, np.uint8)
     for view in views:
-        points, _, _ = points_of(view)
-        i = np.rint((points - low) / cell).astype(np.int64)
+        i = np.rint((_marks(view, 2 * TUNING.fused_band * cell) - low) / cell).astype(np.int64)
         i = i[((i >= 0) & (i < shape)).all(axis=1)]
         marked[i[:, 0], i[:, 1], i[:, 2]] = 1
     for axis in range(3):
         marked = maximum_filter1d(marked, 2 * TUNING.fused_band + 1, axis=axis)
     return np.flatnonzero(marked)
+
+
+def _marks(view: DepthMap, apart: float) -> F64:
+    """(N, 3) points of the surface that a view sees, no farther `apart`, even where it looks along a floor: there the
+    surface of one pixel is as long as it is aslant."""
+    points, normals, _ = points_of(view)
+    ways = points - view.camera.position
+    ways = ways / np.maximum(length(ways), 1e-30)[:, None]
+    along = ways - dot(ways, normals)[:, None] * normals  # in the surface, the way that recedes
+    along = along / np.maximum(length(along)[:, None], 1e-30)
+    long = _long(view)[view.depth > 0]
+    many = np.clip(np.ceil(long / apart), 1, TUNING.fused_marks).astype(np.int64)
+    rows = np.repeat(np.arange(len(points)), many)
+    turn = np.arange(len(rows)) - np.repeat(np.cumsum(many) - many, many)
+    share = (turn + 0.5) / many[rows] - 0.5
+    return np.asarray(points[rows] + (share * long[rows])[:, None] * along[rows])
+
+
+def _long(view: DepthMap) -> F64:
+    """(H, W) how long the surface of a pixel is, along the way that it recedes."""
+    _, directions = rays(view.camera)
+    long = np.maximum(length(directions), 1e-30)
+    facing = np.abs(dot(view.normal, directions)) / long
+    side = view.depth * long / min(view.camera.fx, view.camera.fy)
+    return np.asarray(side / np.maximum(facing, TUNING.label_facing))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +136,27 @@ class _Planes:
 
     def distances(self, at: F32, most: float) -> tuple[Int, F32, F32]:
         """(M,) which of points (N, 3) a pixel tells of, (M,) their signed distance to its plane, and its weight."""
-        camera, far = self.camera, np.float32(most)
+        far = np.float32(most)
+        seen, row, z = self._shown(at)
+        ahead = row[:, 0] - z  # positive before the surface
+        plane = dot(at[seen], row[:, 1:4]) - row[:, 4]
+        # along a floor a ray is long beneath it before it is deep: what lies over a node tells of it
+        aslant = np.flatnonzero((np.abs(ahead) > 2 * far) & (np.abs(plane) < far))
+        foot = at[seen[aslant]] - plane[aslant, None] * row[aslant, 1:4]
+        held, over, _ = self._shown(foot)
+        on = np.abs(dot(foot[held], over[:, 1:4]) - over[:, 4]) < TUNING.fused_foot * far
+        on &= dot(over[:, 1:4], row[aslant[held], 1:4]) > TUNING.fused_alike
+        rows = aslant[held[on]]
+        row[rows], plane[rows], ahead[rows] = over[on], dot(at[seen[rows]], over[on, 1:4]) - over[on, 4], 0
+        distance = np.where(ahead > 2 * far, far, np.clip(plane, -far, far))
+        # A node far behind is hidden; one little behind counts less the deeper: a thin part's far side stays whole.
+        hidden = (ahead < -2 * far) | (plane <= -far)
+        fading = np.clip((plane + far) * np.float32(2 / most), 0, 1)
+        return seen, distance, np.where(hidden, np.float32(0), row[:, 5] * fading)
+
+    def _shown(self, at: F32) -> tuple[Int, F32, F32]:
+        """(M,) which of points (N, 3) lie in pixels that show a surface, those (M, 6), and the points' depths (M,)."""
+        camera = self.camera
         matrix = camera.camera_from_world.astype(np.float32)
         own = turned(at, matrix[:3, :3]) + matrix[:3, 3]
         z = -own[:, 2]
@@ -122,14 +166,7 @@ class _Planes:
         seen = np.flatnonzero((z > camera.near) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height))
         row = self.rows[(y[seen] * camera.width + x[seen]).astype(np.int64)]
         there = row[:, 0] > 0
-        seen, row = seen[there], row[there]
-        ahead = row[:, 0] - z[seen]  # positive before the surface
-        plane = dot(at[seen], row[:, 1:4]) - row[:, 4]
-        distance = np.where(ahead > 2 * far, far, np.clip(plane, -far, far))
-        # A node far behind is hidden; one little behind counts less the deeper: a thin part's far side stays whole.
-        hidden = (ahead < -2 * far) | (plane <= -far)
-        fading = np.clip((plane + far) * np.float32(2 / most), 0, 1)
-        return seen, distance, np.where(hidden, np.float32(0), row[:, 5] * fading)
+        return seen[there], row[there], z[seen[there]]
 
 
 def _one_sided(views: Sequence[DepthMap], cell: float, middle: F64, inside: bool, up: F64 | None) -> list[DepthMap]:

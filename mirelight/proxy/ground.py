@@ -15,7 +15,9 @@ import numpy as np
 from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, points_of
 from mirelight.proxy.flats import Flat, seen_through
+from mirelight.proxy.tidy import compact
 from mirelight.proxy.tuning import TUNING
+from mirelight.proxy.types import Soup
 
 
 def ground_of(flats: Sequence[Flat], views: Sequence[DepthMap], tolerance: float, up: F64 | None = None) -> int | None:
@@ -37,6 +39,19 @@ def carried_on(flats: Sequence[Flat], at: int, views: Sequence[DepthMap], tolera
     ground = flats[at]
     whole = replace(ground, there=ground.there | ~seen_through(ground, views, tolerance))
     return [*flats[:at], replace(whole, lift=lift_of(whole, views, tolerance)), *flats[at + 1 :]]
+
+
+def outside(ground: Flat, half: F64) -> Soup:
+    """A ground's cells that reach out of a box of half extents (3,) around the origin: grids end there, it does not."""
+    rows, columns = ground.there.shape
+    i = np.stack(np.meshgrid(np.arange(rows + 1.0), np.arange(columns + 1.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    flat = ground.at(i)
+    corners = flat + ground.lifted(flat)[:, None] * ground.normal
+    out = (np.abs(corners) > half).any(axis=1).reshape(rows + 1, columns + 1)
+    k = np.flatnonzero(ground.there & (out[:-1, :-1] | out[1:, :-1] | out[:-1, 1:] | out[1:, 1:]))
+    first = k // columns * (columns + 1) + k % columns
+    quad = first[:, None] + np.array([0, columns + 1, columns + 2, 1])
+    return compact(Soup(corners, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])))
 
 
 def lift_of(ground: Flat, views: Sequence[DepthMap], tolerance: float) -> F64:

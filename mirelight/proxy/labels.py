@@ -13,7 +13,7 @@ import numpy as np
 from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Flat, depth_of
+from mirelight.proxy.flats import Bool, Flat, depth_of
 from mirelight.proxy.looks import Look
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
@@ -22,17 +22,39 @@ from mirelight.proxy.views import dot, length, rays
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sky:
-    """What views show beside surfaces: fog, and above the horizon what is white most of all."""
+    """What views show beside surfaces: fog, and above the horizon what looks as it is fog most of all."""
 
     fog: float  # the trust below which pixels show no surface, see :func:`fog_of`; 0: no sky
     up: F64 | None = None  # (3,) unit; None: not known
 
     def least(self, view: DepthMap, directions: F64) -> F32:
         """(H, W) that trust for a view's pixels, which look along directions (H, W, 3)."""
-        white = np.zeros(view.depth.shape, bool)
-        if self.up is not None:
-            white = (view.color.min(axis=2) > TUNING.clipped) & (dot(directions, self.up) > 0)
-        return np.where(white, TUNING.sky_white * self.fog, self.fog).astype(np.float32)
+        if self.up is None or not self.fog:
+            return np.full(view.depth.shape, self.fog, np.float32)
+        above = dot(directions, self.up) > 0
+        alike = (view.color.min(axis=2) > TUNING.clipped) | _alike(view.color, _large(above & (view.trust < self.fog)))
+        return np.where(alike & above, TUNING.sky_white * self.fog, self.fog).astype(np.float32)
+
+
+def _alike(color: F32, sky: Bool) -> Bool:
+    """(H, W) which pixels of a picture (H, W, 3) look as those of a mask (H, W) that are around them do."""
+    from scipy.ndimage import gaussian_filter
+
+    wide = TUNING.sky_around * sky.shape[1]
+    known = gaussian_filter(sky.astype(np.float32), wide)
+    mean = np.stack([gaussian_filter(np.where(sky, color[..., k], 0), wide) for k in range(3)], axis=2)
+    apart = np.abs(color - mean / np.maximum(known, np.float32(1e-6))[..., None]).max(axis=2)
+    return np.asarray((apart < TUNING.sky_alike) & (known > TUNING.sky_known))
+
+
+def _large(there: Bool) -> Bool:
+    """(H, W) the large pieces of a mask (H, W): windows mirror a sky, too."""
+    from scipy.ndimage import label
+
+    piece, _ = label(there)
+    size = np.bincount(piece.ravel())
+    size[0] = 0
+    return np.asarray((size > TUNING.sky_piece * there.size)[piece])
 
 
 def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
@@ -86,7 +108,9 @@ def flattened(
     depths = [depth_of(view, flat, directions) for flat in flats]
     solid = binary_fill_holes(view.alpha > TUNING.depth_opaque)  # what is black needs no splats before black
     depth, normal, trust = view.depth.copy(), view.normal.copy(), view.trust.copy()
-    shown = (trust >= sky.least(view, directions)) & (label >= 0)
+    least = sky.least(view, directions)
+    shown = (trust >= least) & (label >= 0)
+    solid &= ~_rim_of((label < 0) | (label == len(flats)), (least > sky.fog) & (trust < least))
     for k, flat in enumerate(flats):
         on = (label == k) & (depths[k] > 0) & solid
         step = depths[k][on] - view.depth[on]
@@ -98,6 +122,14 @@ def flattened(
         normal[on] = between / np.maximum(length(between), 1e-12)[:, None]
         trust[on], shown[on] = 1, True
     return replace(view, depth=np.where(shown, depth, np.float32(0)), normal=normal, trust=trust)
+
+
+def _rim_of(off: Bool, sky: Bool) -> Bool:
+    """(H, W) the pixels of a sky beside what lies `off` all planes: costs smoothed so far lend them to planes' ends."""
+    from scipy.ndimage import binary_dilation
+
+    beside = _large(off & sky)
+    return np.asarray(binary_dilation(beside, iterations=2 * TUNING.label_window, mask=sky)) if beside.any() else beside
 
 
 def _labels(

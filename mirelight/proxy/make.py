@@ -26,7 +26,7 @@ from mirelight.proxy.ends import ended
 from mirelight.proxy.flats import Flat, even, flats_of, on_flats
 from mirelight.proxy.foot import foot_of
 from mirelight.proxy.fusion import Grid, fuse
-from mirelight.proxy.ground import carried_on, ground_of
+from mirelight.proxy.ground import carried_on, ground_of, outside
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
@@ -256,8 +256,8 @@ def _fused(capture: Capture, views: list[DepthMap], up: F64 | None, report: Shar
     grid = fuse(views, capture.half, TUNING.cell * capture.spacing, part(report, 0.3, 0.8), up=up)
     report("finding the surface", 0.8)
     soup = _surface(grid, flats)
-    for window in windows:
-        soup = soup.beside(window.solid())
+    for more in (*(x.solid() for x in windows), *(outside(x, capture.half) for x in flats if x.lift is not None)):
+        soup = soup.beside(more)
     kept = [sweep.along(mirror) for mirror in mirrors.values()]
     return _Fused(soup, grid.cell, views, flats[:many], kept, sky, sweep, bool(windows), ends)
 

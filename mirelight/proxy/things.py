@@ -44,15 +44,20 @@ class Things:
             views: maps of a capture's own cameras.
             spacing: of the splats, world units.
         """
-        from scipy.ndimage import grey_dilation
-
         eyes = np.stack([view.camera.position for view in views])
         front = float(np.sign(np.median(ground.off(eyes))))
-        at = np.concatenate(each(sure_points, views))
+        return Things.of(ground, front, np.concatenate(each(sure_points, views)), spacing)
+
+    @staticmethod
+    def of(ground: Flat, front: float, at: F64, spacing: float) -> Things:
+        """The same by points (N, 3) that are sure, of a plane that is seen from its side `front`."""
+        from scipy.ndimage import grey_dilation, grey_opening
+
         i, inner = ground.cells(at)
-        height = _heights(ground, i[inner], front * ground.off(at[inner]), TUNING.plane_tolerance * spacing)
+        height, top = _heights(ground, i[inner], front * ground.off(at[inner]), TUNING.plane_tolerance * spacing)
         wide = 2 * THINGS.thing_around + 1
-        return Things(ground, front, height, THINGS.thing_over * grey_dilation(height, (wide, wide)))
+        reach = grey_dilation(np.maximum(height, grey_opening(top, (3, 3))), (wide, wide))  # spires are no strays
+        return Things(ground, front, height, THINGS.thing_over * reach)
 
     @property
     def hidden(self) -> Bool:
@@ -84,11 +89,11 @@ class Things:
         plane = np.where(thing & (labels.plane == k), none, labels.plane)
         away = np.zeros_like(thing)
         if not self.ground.told:  # all else hangs in the air
-            away = (plane == none) & ~self._in(origins + directions * view.depth[..., None])
+            away = (plane == none) & ~self.hold(origins + directions * view.depth[..., None])
         shown = np.where(away, np.float32(0), view.depth)
         return replace(view, depth=shown, trust=trust), Labels(plane, labels.sure)
 
-    def _in(self, points: F64) -> Bool:
+    def hold(self, points: F64) -> Bool:
         """(...,) which points (..., 3) are part of a thing, or close to it."""
         i, inner = self.ground.cells(points)
         return np.asarray(inner & (self.front * self.ground.off(points) < self.reach[i[..., 0], i[..., 1]]))
@@ -104,8 +109,9 @@ class Things:
         return met
 
 
-def _heights(ground: Flat, cells: Int, high: F64, tolerance: float) -> F64:
-    """(I, J) how high what stands on a ground's cells is; 0 where nothing does, or the ground is surely seen.
+def _heights(ground: Flat, cells: Int, high: F64, tolerance: float) -> tuple[F64, F64]:
+    """(I, J) how high what stands on a ground's cells is; 0 where nothing does, or the ground is surely seen. And how
+    high the highest point above each cell of it is.
 
     Args:
         ground: a plane.
@@ -123,7 +129,8 @@ def _heights(ground: Flat, cells: Int, high: F64, tolerance: float) -> F64:
     there, gap = top > THINGS.thing_height * tolerance, THINGS.thing_gap
     closed = binary_closing(np.pad(there, gap), iterations=gap)[gap:-gap, gap:-gap]
     piece, tall = _standing(binary_fill_holes(closed) & (there | ~shown), low, top)
-    return np.asarray(tall[piece])  # what is sure of a side may be its foot alone
+    height = np.asarray(tall[piece])  # what is sure of a side may be its foot alone
+    return height, np.where(height > 0, top, 0.0)
 
 
 def _standing(there: Bool, low: F64, high: F64) -> tuple[Int, F64]:

@@ -137,7 +137,11 @@ class Tuning:
     sky_trust: float = 0.02  # of pixels that hang anywhere
     sky_share: float = 0.03  # of pixels, from which there is a sky: 0.17 with one, 0.0006 in a room, 0.005 in a yard
     fog: float = 0.1  # trust of pixels that are left out then: a third, off by 3 to 30 spacings in the median
-    sky_white: float = 3.0  # times that of what is white above the horizon: it hangs at a street's end
+    sky_white: float = 3.0  # times that of what is white above the horizon, or looks as fog does around
+    sky_around: float = 0.04  # of a picture's width, by which that is blurred
+    sky_alike: float = 0.08  # display values, in any channel
+    sky_known: float = 0.05  # of what is around is fog, in pieces of
+    sky_piece: float = 0.02  # of all pixels
     # grounds that go on beneath a sky's fog (`ground`)
     ground_cameras: float = 0.95  # of the cameras, that stand before it
     ground_upright: float = 0.7  # cosine between its normal and what is up for the cameras
@@ -203,6 +207,9 @@ class Tuning:
     # maps fused in a grid (`fusion`)
     fused_truncation: int = 4  # cells
     fused_band: int = 2  # cells to either side of what views see, in which distances are kept
+    fused_marks: int = 32  # of one pixel, at most, that a view sees along a surface
+    fused_foot: float = 0.125  # of the truncation: so near to what lies over it a node seen aslant has its foot, which
+    fused_alike: float = 0.95  # (cosine) faces as its pixel does
     fused_sheet: int = 3  # cells: what is thinner and seen from both sides is a sheet
     sheet_around: float = 8.0  # such sheets: how far around a point it is told which side was looked at
     # of the points there, above which the side away from the origin was: floors seen from both sides hold 0.5
@@ -355,7 +362,7 @@ class Tuning:
     label_apart: float = 3.0  # tolerances between a pixel and the plane: fog, of which nobody knows where it hangs
     label_dent: float = 6.0  # tolerances behind a plane: what few views see so far behind it is a dent, and none
     label_rounds: int = 3  # of finding where a ray meets a ground that is not flat
-    label_facing: float = 0.03  # cosine to the ray below which a plane is not seen
+    label_facing: float = 0.015  # cosine to the ray below which a plane is not seen
 
     # what planes look like (`looks`): what looks otherwise is not on them, if depth does not surely say so
     look_places: int = 200_000  # of a plane, at most about so many

@@ -173,6 +173,17 @@ def test_what_a_camera_shows_is_ahead_of_it_though_the_most_lies_behind() -> Non
     assert np.isfinite(view.best(faint, "a.ply", shown).target).all()
 
 
+def test_a_first_picture_is_from_the_side_that_most_pictures_show() -> None:
+    """One of them, alone behind the thing, shows most: what is behind is hardly known."""
+    bare = ball(900)
+    rich = np.where(bare.means[:, 2] < 0, 1.5, 0.9)[:, None, None]
+    cloud = replace(bare, sh=(rich * np.random.default_rng(1).uniform(-1, 1, bare.sh.shape)).astype(np.float32))
+    front = [Camera.look_at((x, 0.5, 3), (0, 0, 0), 64, 36, yfov=50, name=f"f{x}") for x in (-0.6, -0.2, 0.2, 0.6)]
+    back = [Camera.look_at((x, 0.5, -3), (0, 0, 0), 64, 36, yfov=50, name=f"b{x}") for x in (-0.4, 0.0, 0.4)]
+    assert view.best(cloud, "a.ply", [*front, *back]).camera.name[0] == "b"
+    assert view.best(cloud, "a.ply", [*front, back[1]]).camera.name[0] == "f"
+
+
 @pytest.mark.parametrize("size", [(1920, 1080), (1080, 1920)])
 def test_a_land_that_a_drone_maps_lies_level_and_is_shown_from_above(tmp_path: Path, size: tuple[int, int]) -> None:
     """In axes in which all its cameras look along +Z, as many a tool leaves them; in pictures of their shape."""

@@ -10,7 +10,7 @@ import pytest
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat, even, flats_of, turned_outwards
-from mirelight.proxy.labels import Sky, flattened, fog_of
+from mirelight.proxy.labels import Labels, Sky, flattened, fog_of
 from mirelight.proxy.pieces import Points
 from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
@@ -79,6 +79,30 @@ def test_a_sky_shows_no_surface_unless_a_plane_lies_there() -> None:
     (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
     kept = np.abs(flattened(sky, [floor], SPACING, Sky(fog)).depth - seen.depth)[10:-10, 10:40] < 0.02
     assert kept.mean() > 0.95
+
+
+def test_what_looks_as_the_sky_beside_it_is_sky_even_at_a_planes_end_and_a_window_in_it_is_none() -> None:
+    """Splats of a sky hang beside outlines where they are trusted a little."""
+    seen = view(0.0)
+    (floor,) = flats_of([view(x) for x in (-1.0, 0.0, 1.0)], SPACING, 10.0)
+    column, row = np.arange(160), np.arange(120)[:, None]
+    sky, rim = column < 40, (column >= 40) & (column < 46)
+    window = (abs(column - 54) < 6) & (abs(row - 60) < 6)
+    blue = (sky | rim | window)[..., None]
+    color = np.where(blue, (0.55, 0.7, 0.9), (0.5, 0.45, 0.4)).astype(np.float32)
+    trust = np.where(sky | window, 0.01, np.where(rim, 0.2, seen.trust)).astype(np.float32)
+    hanging = replace(
+        seen, color=color, trust=trust * np.ones_like(seen.trust), depth=seen.depth * np.where(sky, 0.6, 1)
+    )
+    up = -seen.camera.world_from_camera[:3, 2]  # all of it is above the horizon
+    on = np.where(sky, 1, 0) * np.ones((120, 1), int)
+    shown = flattened(hanging, [floor], SPACING, Sky(TUNING.fog, up), Labels(on, np.ones(on.shape, np.float32))).depth
+    whole = np.broadcast_to(rim, shown.shape)[10:-10]
+    assert not shown[10:-10][whole].any()
+    assert (shown[window] > 0).all()
+    plain = replace(hanging, color=(0.4 + 0.3 * rim[:, None] + 0 * color).astype(np.float32))
+    shown = flattened(plain, [floor], SPACING, Sky(TUNING.fog, up), Labels(on, np.ones(on.shape, np.float32))).depth
+    assert (shown[10:-10][whole] > 0).all()  # what looks otherwise is the plane's
 
 
 def test_what_hangs_before_a_plane_is_no_sky() -> None:

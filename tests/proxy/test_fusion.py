@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mirelight.base.progress import quiet
-from mirelight.model import Camera
+from mirelight.model import Camera, triangles
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.fusion import fuse
+from mirelight.proxy.nets import surface_of
 from mirelight.proxy.views import rays
 
 WALL, CELL = 0.5, 0.05  # x of the wall
@@ -41,6 +42,25 @@ def test_a_hollow_things_side_is_where_it_is_looked_at_from(inner: tuple[float, 
     x = grid.low[0] + grid.cell * np.unravel_index(grid.nodes, grid.shape)[0]
     beyond = grid.distance[np.abs(x - WALL - CELL) < 0.6 * CELL]
     assert ((beyond > 0) == outer).mean() > 0.9
+
+
+@pytest.mark.parametrize("high", [0.2, 0.1])
+def test_a_floor_is_whole_however_low_it_is_looked_along(high: float) -> None:
+    """A pixel's part of it is many cells long, and a ray long beneath it before it is deep."""
+    seen = []
+    for x in (-0.3, 0.3):
+        camera = Camera.look_at((x, high, 3.0), (0, high, 0), 90, 60, yfov=40)
+        origins, ways = rays(camera)
+        down = ways[..., 1] < 0
+        depth = np.where(down, -origins[..., 1] / np.where(down, ways[..., 1], -1), 0)
+        there = (np.abs((origins + ways * depth[..., None])[..., [0, 2]]) < 0.9).all(axis=-1) & down
+        one = np.ones(depth.shape, np.float32)
+        normal = np.broadcast_to(np.array([0, 1, 0], np.float32), (*depth.shape, 3))
+        depth = np.where(there, depth, 0).astype(np.float32)
+        seen.append(DepthMap(camera, 0 * normal, one, depth, normal, 0 * one, one))
+    soup = surface_of(fuse(seen, np.full(3, 1.0), 0.02, quiet))
+    assert np.abs(soup.vertices[:, 1]).max() < 0.005
+    assert triangles.areas(soup.vertices[soup.faces]).sum() > 0.9 * 1.8**2
 
 
 def test_a_hollow_things_side_is_where_it_is_looked_at_from_higher_up() -> None:

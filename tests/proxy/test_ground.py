@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mirelight.model import Camera
+from mirelight.model import Camera, triangles
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.detail import closer
-from mirelight.proxy.flats import flats_of
-from mirelight.proxy.ground import carried_on, ground_of
+from mirelight.proxy.flats import Flat, flats_of
+from mirelight.proxy.ground import carried_on, ground_of, outside
 from mirelight.proxy.labels import Sky, flattened
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
@@ -52,6 +52,17 @@ def test_ground_is_what_nothing_lies_below(beyond: float | None) -> None:
     over = whole.inside(origins + ways * true[..., None]) & (before.trust < 1)
     assert over.sum() > 1000
     assert np.quantile(np.abs(after.depth - true)[over], 0.95) < 1e-3
+
+
+def test_a_ground_reaches_out_of_the_grid_that_holds_the_capture() -> None:
+    ground = Flat(np.array([0.0, 1, 0]), 0.5, np.eye(3)[[0, 2]], 0.1, np.full(2, -20), np.ones((40, 40), bool))
+    rising = replace(ground, lift=0.1 * np.add.outer(np.arange(40) + 0.5, np.zeros(40)) - 2.0)  # by 1 for 1 along x
+    soup = outside(rising, np.array([1.0, 9, 1.0]))
+    corners = soup.vertices[soup.faces]
+    assert triangles.areas(corners).sum() == pytest.approx((16 - 4) * 2**0.5, rel=0.02)
+    assert (np.abs(corners.mean(axis=1)[:, [0, 2]]) > 1).any(axis=1).all()
+    inner = np.abs(soup.vertices[:, 0]) < 1.9  # it is level past the middle of its last cells
+    assert soup.vertices[inner, 1] == pytest.approx(0.5 + soup.vertices[inner, 0], abs=1e-9)
 
 
 def test_a_wall_along_a_street_is_no_ground_though_nothing_lies_behind_it() -> None:

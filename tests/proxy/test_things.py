@@ -9,10 +9,11 @@ import pytest
 
 from mirelight.model import F64, Camera
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.flats import Flat
+from mirelight.proxy.flats import Flat, seen_through
 from mirelight.proxy.foot import foot_of
 from mirelight.proxy.labels import labelled
 from mirelight.proxy.looks import Look
+from mirelight.proxy.thing_tuning import THINGS
 from mirelight.proxy.things import Things, _heights
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
@@ -79,6 +80,60 @@ def test_no_ground_is_guessed_where_little_is_unknown_or_a_camera_stands_lower()
     assert foot_of([*views(), replace(view(0), camera=below)], SPACING, 10.0, UP) is None
 
 
+def test_a_guessed_ground_reaches_to_where_its_cameras_stand_but_not_past_an_edge_that_is_seen() -> None:
+    ground = foot_of(views(), SPACING, 1.0, UP)
+    assert ground is not None
+    places = np.array(EYES) * (0.99, 0, 0.99)
+    assert ground.inside(places).all()
+    below = []  # a floor, surely seen to the right of the table
+    for one in views():
+        origins, ways = rays(one.camera)
+        table = origins + ways * np.where(ways[..., 1] < 0, -origins[..., 1] / ways[..., 1], 0)[..., None]
+        floor = (table[..., 0] > 0.8) & (ways[..., 1] < 0) & (one.trust < 0.5)
+        deep = np.where(floor, (-0.7 - origins[..., 1]) / ways[..., 1], one.depth)
+        below.append(replace(one, depth=deep.astype("f4"), trust=np.where(floor, 1, one.trust).astype("f4")))
+    ended = replace(ground, there=~seen_through(ground, below, SPACING, THINGS.foot_through))
+    shown = np.array([(1.0, 0, 0), (-1.0, 0, 0)])
+    assert ended.inside(shown).tolist() == [False, True]
+
+
+def test_house_and_ground_seen_level_leave_the_ground_to_its_foot() -> None:
+    """Of level pictures little is ground, though nothing is known of it."""
+    eyes = [(2.4 * np.sin(a), 0.3, 2.4 * np.cos(a)) for a in np.linspace(-1, 1, 8)]
+    level = []
+    for k, eye in enumerate(eyes):
+        camera = Camera.look_at(eye, (0, 0.45, 0), 128, 96, yfov=40)
+        origins, ways = rays(camera)
+        block = met(np.broadcast_to(origins, ways.shape), ways)
+        there = np.isfinite(block)
+        fog = np.random.default_rng(k).uniform(0.5, 4, block.shape)
+        one = np.ones(block.shape, np.float32)
+        depth, trust = np.where(there, block, fog).astype("f4"), np.where(there, 1, 0.02).astype("f4")
+        color = np.broadcast_to(np.float32(0.5), (*block.shape, 3))
+        normal = np.broadcast_to(UP.astype("f4"), (*block.shape, 3))
+        level.append(DepthMap(camera, color, one, depth, normal, 1 - trust, trust))
+    ground = foot_of(level, SPACING, 10.0, UP)
+    assert ground is not None
+    assert abs(ground.off(np.array([[0.0, 0, 0.6]]))[0]) < 2 * SPACING
+
+
+def test_a_spire_stands_though_most_of_its_house_is_lower() -> None:
+    ground = Flat(UP, 0.0, np.eye(3)[[0, 2]], 0.1, np.full(2, -20), np.ones((40, 40), bool), np.zeros((40, 40)))
+    house = np.stack([x.ravel() for x in np.meshgrid(np.linspace(-1, 1, 41), np.linspace(0, 1, 21))], axis=1)
+    tip = np.stack([x.ravel() for x in np.meshgrid(np.linspace(-0.2, 0.2, 21), np.linspace(1, 1.6, 21))], axis=1)
+    points = np.concatenate(
+        [
+            np.stack([xy[:, 0], xy[:, 1], np.full(len(xy), z)], axis=1)
+            for xy, deep in ((house, 1.0), (tip, 0.1))
+            for z in np.arange(-deep, deep + 0.01, 0.05)
+        ]
+        + [np.array([[0.75, 2.5, 0.0]])]  # a stray
+    )
+    things = Things.of(ground, 1.0, points, SPACING)
+    assert things.hold(np.array([[0.0, 1.6, 0.0], [0.75, 1.0, 0.0]])).all()
+    assert not things.hold(np.array([[0.75, 2.5, 0.0], [0.75, 1.6, 0.0]])).any()
+
+
 def kept(seen: list[DepthMap], ground: Flat, k: int) -> tuple[DepthMap, np.ndarray]:
     """A view as it is fused, and which of its pixels lie on the ground."""
     things = Things.on(ground, seen, SPACING)
@@ -123,7 +178,7 @@ def test_a_gap_between_walls_that_nothing_is_seen_of_is_no_thing_of_its_own() ->
     cells = np.concatenate([np.stack([np.full(20, k), along], axis=1) for k in (0, 6, 1, 2, 4, 5)])
     high = np.repeat([1.0, 1.0, 0, 0, 0, 0], 20)
     cells, high = np.concatenate([cells, cells[:40]]), np.concatenate([high, np.full(40, 0.1)])  # the walls' feet
-    height = _heights(ground, cells, high, 0.02)
+    height, _ = _heights(ground, cells, high, 0.02)
     np.testing.assert_array_equal(height[[0, 6]], 1.0)
     assert not height[1:6].any()
 

@@ -12,11 +12,11 @@ from mirelight.base import colour, conventions
 from mirelight.base.errors import InputError
 from mirelight.base.progress import ShareProgress, passed, quiet
 from mirelight.model import F32, F64, Camera, SplatCloud, SplatLayer
-from mirelight.proxy.depth import pixels_of
+from mirelight.proxy.depth import shows
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.types import ProxySettings
-from mirelight.proxy.views import evenly
+from mirelight.proxy.views import dot, evenly, length
 
 if TYPE_CHECKING:
     from mirelight.compositor import Compositor
@@ -46,6 +46,9 @@ _FREE = 0.15  # of its radius: how far off the walls of a room are
 _FILL = 0.94  # of the picture: what the splats within the bounds fill
 _SKY_WHITE = 0.95  # in all channels, as splats have them: a white sky
 _UP = 4  # of the sides that a room has
+_COVERED = 3  # pictures of the median point from about the same side: fewer leave surfaces that are hardly known
+_SAME_SIDE = 0.87  # cosine between the ways in which two cameras see a point
+_MOST_TAKEN = 200  # pictures of a capture that are asked for that
 _LITTLE = 1e-6  # worth of a picture in which nothing is clear
 _NOTHING = 0.05  # mean alpha
 _HIGH = 0.6  # sine of the height above which a thing is seen from above
@@ -120,6 +123,7 @@ def best(
             tried = [] if around else _about(stood_at)
         else:
             tried = _whole_from(points, middle, stood_at) if around else [_wide(x) for x in stood_at]
+    some = evenly(captured, _MOST_TAKEN)
     level = [c for c in tried if not is_steep(c)]
     views = [_within(c, radius) for c in (level or (captured and tried))]
     stood = bool(views)
@@ -130,6 +134,7 @@ def best(
     def worth(layer: SplatLayer) -> float:
         score = _detail(layer) * (1 if amid else _deep(layer, middle, radius))
         score = (score + _LITTLE) * (_share(points, layer.camera) if stood else 1)
+        score *= _covered(points, layer.camera, some) if captured else 1
         # who took pictures aimed at things; guessed cameras may have them at the rim
         return score * _whole(layer) if stood and not captured else score
 
@@ -224,8 +229,18 @@ def _within(camera: Camera, radius: float) -> Camera:
 
 def _share(points: F64, camera: Camera) -> float:
     """Of points (N, 3), that a camera has in its picture: an overview has many, and a detail few."""
-    m = camera.camera_from_world
-    return float((pixels_of(camera, (points @ m[:3, :3].T + m[:3, 3]).astype(np.float32)) >= 0).mean())
+    return float(shows(camera, points.astype(np.float32)).mean())
+
+
+def _covered(points: F64, camera: Camera, captured: Sequence[Camera]) -> float:
+    """Up to 1: where pictures `captured` show most of the points (N, 3) that a camera has in its own from its side."""
+    at = points[shows(camera, points.astype(np.float32))].astype(np.float32)
+    own, many = at - camera.position, np.zeros(len(at))
+    for other in captured:
+        way = at - other.position
+        along = dot(way, own) / np.maximum(length(way) * length(own), 1e-30)
+        many += (along > _SAME_SIDE) & shows(other, at)
+    return min(float(np.median(many)) / _COVERED, 1.0) if len(at) else 0.0
 
 
 def _whole(layer: SplatLayer) -> float:

@@ -93,8 +93,10 @@ def _near_surface(views: Sequence[DepthMap], low: F64, cell: float, shape: tuple
 
 
 def _marks(view: DepthMap, apart: float) -> F64:
-    """(N, 3) points of the surface that a view sees, no farther `apart`, even where it looks along a floor: there the
-    surface of one pixel is as long as it is aslant."""
+    """(N, 3) points of the surface that a view sees, no farther than `apart` (world units) from each other.
+
+    Where it looks along a floor, the surface of one pixel is long.
+    """
     points, normals, _ = points_of(view)
     ways = points - view.camera.position
     ways = ways / np.maximum(length(ways), 1e-30)[:, None]
@@ -111,10 +113,13 @@ def _marks(view: DepthMap, apart: float) -> F64:
 def _long(view: DepthMap) -> F64:
     """(H, W) how long the surface of a pixel is, along the way that it recedes."""
     _, directions = rays(view.camera)
-    long = np.maximum(length(directions), 1e-30)
-    facing = np.abs(dot(view.normal, directions)) / long
-    side = view.depth * long / min(view.camera.fx, view.camera.fy)
-    return np.asarray(side / np.maximum(facing, TUNING.label_facing))
+    side = view.depth * np.maximum(length(directions), 1e-30) / min(view.camera.fx, view.camera.fy)
+    return np.asarray(side / np.maximum(np.abs(_facing(view, directions)), TUNING.label_facing))
+
+
+def _facing(view: DepthMap, directions: F64) -> F64:
+    """(H, W) cosine between the surface and a view's pixels, which look along directions (H, W, 3)."""
+    return np.asarray(-dot(view.normal, directions) / np.maximum(length(directions), 1e-30))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,8 +133,7 @@ class _Planes:
     def of(view: DepthMap) -> _Planes:
         origins, directions = rays(view.camera)
         spot = origins + directions * view.depth[..., None]
-        long = np.maximum(length(directions), 1e-30)
-        facing = np.clip(-dot(view.normal, directions) / long, TUNING.fused_facing, 1) * view.trust
+        facing = np.clip(_facing(view, directions), TUNING.fused_facing, 1) * view.trust
         offset = dot(view.normal, spot)
         rows = np.concatenate([view.depth[..., None], view.normal, offset[..., None], facing[..., None]], axis=-1)
         return _Planes(view.camera, rows.reshape(-1, 6).astype(np.float32))

@@ -22,7 +22,7 @@ from mirelight.proxy.views import dot, length, rays
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sky:
-    """What views show beside surfaces: fog, and above the horizon what looks as it is fog most of all."""
+    """What views show beside surfaces: fog, most of all above the horizon, if it is white or looks as fog around."""
 
     fog: float  # the trust below which pixels show no surface, see :func:`fog_of`; 0: no sky
     up: F64 | None = None  # (3,) unit; None: not known

@@ -24,6 +24,8 @@ _ROWS = 1 << 17  # points at a time
 _MARKS = 400_000  # points on the proxy that distances are measured to
 _ENCLOSED = 0.15  # of the sky, that a room's surface sees at most: own proxies of rooms 0.04 to 0.12, a courtyard 0.17
 _BRIGHT, WHITE = 0.8, 0.9  # display values: a room's pixels past the proxy are no sky below, and are from here on
+_FAR = 0.9  # off the proxy, that a pixel of a sky is
+_ALIKE, _OTHER = 0.08, 0.16  # display values, in any channel: up to here pixels look as the sky does, from here not
 _ON, _OFF = 0.01, 0.04  # distance as it would be seen, share of the picture's longer side: up to here on, from here off
 
 
@@ -72,7 +74,8 @@ def composite(
     """The splats as a camera sees them, with those told apart that lie off the proxy (`beyond`).
 
     A room's walls are behind all that is in it, so past its proxy are windows alone. Splats of a white sky hang before
-    and between the bars, as nothing tells how far it is: what is white counts as off the proxy there.
+    and between the bars, as nothing tells how far it is: what is white counts as off the proxy there. Outdoors they
+    hang along roofs and trees, too: above the horizon what looks as the sky around it counts as off the proxy.
 
     Args:
         compositor: of N splats.
@@ -89,17 +92,15 @@ def composite(
     unit = 1.0 if camera.projection == "orthographic" else np.maximum(ahead, 1e-9)
     off = off_proxy(away * max(camera.fx, camera.fy) / unit / max(camera.width, camera.height))
     depths = np.maximum(ahead, 0)
-    values = np.stack([off, off * depths, depths], axis=1)[:, : 3 if room else 2].astype(np.float32)
+    values = np.stack([off, off * depths, depths], axis=1).astype(np.float32)
     layer, sums = compositor.composite_with(camera, values, depth=depth, diffuse=diffuse)
     alpha = 1 - layer.transmittance
     share = np.where(alpha > 0, np.clip(sums[..., 0] / np.maximum(alpha, 1e-6), 0, 1), 1)
     depth_off = sums[..., 1] / np.maximum(sums[..., 0], 1e-9)
-    if room:
-        more = np.maximum(_white(layer) - share, 0)
-        mean = sums[..., 2] / np.maximum(alpha, 1e-6)
-        depth_off = (share * depth_off + more * mean) / np.maximum(share + more, 1e-9)
-        share = share + more
-    return replace(layer, beyond=np.stack([share, depth_off], axis=-1).astype(np.float32))
+    more = np.maximum((_white(layer) if room else _as_sky(layer, share, camera)) - share, 0)
+    mean = sums[..., 2] / np.maximum(alpha, 1e-6)
+    depth_off = (share * depth_off + more * mean) / np.maximum(share + more, 1e-9)
+    return replace(layer, beyond=np.stack([share + more, depth_off], axis=-1).astype(np.float32))
 
 
 def is_room(tracer: Tracer | EngineTracer) -> bool:
@@ -111,8 +112,21 @@ def is_room(tracer: Tracer | EngineTracer) -> bool:
 
 def _white(layer: SplatLayer) -> F32:
     """(H, W) 0..1 how white pixels are."""
-    alpha = np.maximum(1 - layer.transmittance, np.float32(1e-6))
-    shown = layer.color.min(axis=-1) / alpha
-    if layer.linear:
-        shown = srgb_encode(np.clip(shown, 0, 1))
-    return np.asarray(np.clip((shown - _BRIGHT) / (WHITE - _BRIGHT), 0, 1), np.float32)
+    return np.asarray(np.clip((_shown(layer).min(axis=-1) - _BRIGHT) / (WHITE - _BRIGHT), 0, 1), np.float32)
+
+
+def _as_sky(layer: SplatLayer, share: F64, camera: Camera) -> F32:
+    """(H, W) 0..1 how much pixels above the horizon look as those around them do of which that `share` (H, W) is off
+    the proxy."""
+    from mirelight.proxy.skies import large, unlike
+
+    _, ways = camera.rays()
+    above = ways[..., 1] > 0
+    apart = unlike(_shown(layer), large(above & (share > _FAR)))
+    return np.asarray(above * np.clip((_OTHER - apart) / (_OTHER - _ALIKE), 0, 1), np.float32)
+
+
+def _shown(layer: SplatLayer) -> F32:
+    """(H, W, 3) display values of the splats alone."""
+    color = layer.color / np.maximum(1 - layer.transmittance, np.float32(1e-6))[..., None]
+    return np.asarray(srgb_encode(np.clip(color, 0, 1)) if layer.linear else color, np.float32)

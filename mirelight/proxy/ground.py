@@ -42,12 +42,19 @@ def carried_on(flats: Sequence[Flat], at: int, views: Sequence[DepthMap], tolera
 
 
 def outside(ground: Flat, half: F64) -> Soup:
-    """A ground's cells that reach out of a box of half extents (3,) around the origin: grids end there, it does not."""
+    """A ground's cells that reach out of a box of half extents (3,) around the origin: grids end there, it does not.
+
+    They begin a cell within, as the grid's surface may end that early: a slit between the two is a line in a frame.
+    """
     rows, columns = ground.there.shape
     i = np.stack(np.meshgrid(np.arange(rows + 1.0), np.arange(columns + 1.0), indexing="ij"), axis=-1).reshape(-1, 2)
     flat = ground.at(i)
     corners = flat + ground.lifted(flat)[:, None] * ground.normal
-    out = (np.abs(corners) > half).any(axis=1).reshape(rows + 1, columns + 1)
+    out = (
+        (np.abs(corners) > half - ground.cell * np.abs(ground.axes).max(axis=0))
+        .any(axis=1)
+        .reshape(rows + 1, columns + 1)
+    )
     k = np.flatnonzero(ground.there & (out[:-1, :-1] | out[1:, :-1] | out[:-1, 1:] | out[1:, 1:]))
     first = k // columns * (columns + 1) + k % columns
     quad = first[:, None] + np.array([0, columns + 1, columns + 2, 1])

@@ -10,70 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mirelight.base.together import each
-from mirelight.model import F32, F64
+from mirelight.model import F32
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Bool, Flat, depth_of
 from mirelight.proxy.looks import Look
+from mirelight.proxy.skies import Sky, large
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import dot, length, rays
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sky:
-    """What views show beside surfaces: fog, most of all above the horizon, if it is white or looks as fog around."""
-
-    fog: float  # the trust below which pixels show no surface, see :func:`fog_of`; 0: no sky
-    up: F64 | None = None  # (3,) unit; None: not known
-
-    def least(self, view: DepthMap, directions: F64) -> F32:
-        """(H, W) that trust for a view's pixels, which look along directions (H, W, 3)."""
-        if self.up is None or not self.fog:
-            return np.full(view.depth.shape, self.fog, np.float32)
-        above = dot(directions, self.up) > 0
-        alike = (view.color.min(axis=2) > TUNING.clipped) | _alike(view.color, _large(above & (view.trust < self.fog)))
-        return np.where(alike & above, TUNING.sky_white * self.fog, self.fog).astype(np.float32)
-
-
-def _alike(color: F32, sky: Bool) -> Bool:
-    """(H, W) which pixels of a picture (H, W, 3) look as those of a mask (H, W) that are around them do."""
-    from scipy.ndimage import gaussian_filter
-
-    wide = TUNING.sky_around * sky.shape[1]
-    known = gaussian_filter(sky.astype(np.float32), wide)
-    mean = np.stack([gaussian_filter(np.where(sky, color[..., k], 0), wide) for k in range(3)], axis=2)
-    apart = np.abs(color - mean / np.maximum(known, np.float32(1e-6))[..., None]).max(axis=2)
-    return np.asarray((apart < TUNING.sky_alike) & (known > TUNING.sky_known))
-
-
-def _large(there: Bool) -> Bool:
-    """(H, W) the large pieces of a mask (H, W): windows mirror a sky, too."""
-    from scipy.ndimage import label
-
-    piece, _ = label(there)
-    size = np.bincount(piece.ravel())
-    size[0] = 0
-    return np.asarray((size > TUNING.sky_piece * there.size)[piece])
-
-
-def fog_of(views: Sequence[DepthMap], flats: Sequence[Flat] = ()) -> float:
-    """The trust below which pixels on no plane show no surface: 0 unless the views show a sky.
-
-    What pictures show of a sky hangs anywhere, and so does what they tell nothing else of; without a sky, as in a room,
-    a surface in a wrong place shuts out more wrong light than none. What hangs before a plane is no sky: even walls are
-    as hard to place.
-    """
-
-    def hanging(view: DepthMap) -> int:
-        hangs = (view.depth > 0) & (view.trust < TUNING.sky_trust)
-        if hangs.any():
-            _, directions = rays(view.camera)
-            hangs &= ~np.any([depth_of(view, flat, directions) > 0 for flat in flats], axis=0)
-        return int(hangs.sum())
-
-    deep = sum(each(hanging, views))
-    return TUNING.fog if deep > TUNING.sky_share * sum(int((view.depth > 0).sum()) for view in views) else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +72,7 @@ def _rim_of(off: Bool, sky: Bool) -> Bool:
     """(H, W) the pixels of a sky beside what lies `off` all planes: costs smoothed so far lend them to planes' ends."""
     from scipy.ndimage import binary_dilation
 
-    beside = _large(off & sky)
+    beside = large(off & sky)
     return np.asarray(binary_dilation(beside, iterations=2 * TUNING.label_window, mask=sky)) if beside.any() else beside
 
 
@@ -144,6 +88,8 @@ def _labels(
         (depth - view.depth) * np.abs(dot(directions, flat.normal)).astype(np.float32) / reach
         for flat, depth in zip(flats, depths, strict=True)
     ]
+    # fog hangs beneath a ground that is guessed, too, and is no pit of it
+    offs = [before if flat.told else np.maximum(before, 0) for flat, before in zip(flats, offs, strict=True)]
     costs = []
     for k, (flat, depth, before) in enumerate(zip(flats, depths, offs, strict=True)):
         aside = 1 - np.abs(dot(view.normal, flat.normal.astype(np.float32)))

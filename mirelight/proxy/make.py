@@ -30,7 +30,7 @@ from mirelight.proxy.ground import carried_on, ground_of, outside
 from mirelight.proxy.guessed import Guess, taken_from
 from mirelight.proxy.inside import hidden_share, places
 from mirelight.proxy.judge import judged, seen_by
-from mirelight.proxy.labels import Sky, flattened, fog_of, labelled
+from mirelight.proxy.labels import flattened, labelled
 from mirelight.proxy.lids import closed_by, covered, lids_of
 from mirelight.proxy.looks import Look
 from mirelight.proxy.mirrors import mirroring, mirrors_of
@@ -38,6 +38,7 @@ from mirelight.proxy.nets import surface_of
 from mirelight.proxy.one_picture import without_far
 from mirelight.proxy.openings import opened, windows_of
 from mirelight.proxy.plain import plain_of
+from mirelight.proxy.skies import Sky, fog_of
 from mirelight.proxy.slanted import slanted
 from mirelight.proxy.stereo import agreed
 from mirelight.proxy.sweep import Sweep

@@ -23,7 +23,7 @@ from mirelight.base.progress import ShareProgress
 from mirelight.base.together import each
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
-from mirelight.proxy.labels import fog_of
+from mirelight.proxy.skies import fog_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int, ProxySettings
 from mirelight.proxy.views import dot, length, rays, turned

@@ -142,6 +142,8 @@ class Tuning:
     sky_alike: float = 0.08  # display values, in any channel
     sky_known: float = 0.05  # of what is around is fog, in pieces of
     sky_piece: float = 0.02  # of all pixels
+    sky_sure: float = 0.9  # trust of what is a surface, however it looks
+    sky_rim: int = 2  # pixels beside a sky that are none
     # grounds that go on beneath a sky's fog (`ground`)
     ground_cameras: float = 0.95  # of the cameras, that stand before it
     ground_upright: float = 0.7  # cosine between its normal and what is up for the cameras

@@ -17,8 +17,9 @@ from mirelight.base.together import each
 from mirelight.model import F64
 from mirelight.proxy.depth import DepthMap, sure_points
 from mirelight.proxy.flats import Flat, depth_of, seen_through
-from mirelight.proxy.labels import Labels, fog_of
+from mirelight.proxy.labels import Labels
 from mirelight.proxy.openings import Window
+from mirelight.proxy.skies import fog_of
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import Int
 from mirelight.proxy.views import length, rays, turned

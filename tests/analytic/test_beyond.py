@@ -95,3 +95,30 @@ def test_a_wall_before_a_sky(projection: str, supersampling: int) -> None:
     assert share is not None and share.dtype == np.float32 and share.shape == (24, 32, 2)
     assert share[:, :12, 0].max() < 0.05 and share[:, 20:, 0].min() > 0.95
     np.testing.assert_allclose(share[:, 20:, 1], 34, rtol=0.02)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_what_looks_as_the_sky_beside_it_is_off_the_proxy_above_the_horizon(linear: bool) -> None:
+    """Across: a wall, splats in its plane past its edge, of which the second half has the sky's colour, and the sky."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1, 0.34, 54), np.linspace(-0.8, 0.8, 64)))
+    means = np.concatenate([np.stack([x, y, 0 * x], axis=1), np.stack([12 * x + 8, 9 * y, 0 * x - 30], axis=1)])
+    sky = np.concatenate([x > 0.2, np.ones(len(x), bool)])
+    shown = np.where(sky[:, None], [0.5, 0.65, 0.9], [0.5, 0.45, 0.4]).astype(np.float32)
+    cloud = SplatCloud(
+        means=means.astype(np.float32),
+        quats=np.tile(np.array([1, 0, 0, 0], np.float32), (len(means), 1)),
+        scales=np.repeat(np.array([0.02, 0.2], np.float32), len(x))[:, None].repeat(3, axis=1),
+        opacities=np.full(len(means), 0.99, np.float32),
+        sh=((srgb_decode(shown) if linear else shown)[:, None] - 0.5) / np.float32(C0),
+        color_space="lin_rec709_display" if linear else "srgb_rec709_display",
+    )
+    camera = Camera.look_at((0.6, 0, 4), (0.6, 0, 0), 160, 90, yfov=20)
+    away = np.where(means[:, 2] < -1, 30, 0).astype(np.float32)  # as of a proxy that is too wide, or near enough
+    share = beyond.composite(Compositor(cloud), camera, away, depth=False).beyond
+    assert share is not None
+    column = {edge: round(80 + (edge - 0.6) / 4 * camera.fx) for edge in (-0.6, 0.2, 0.34)}
+    house, shreds = slice(column[-0.6], column[0.2] - 2), slice(column[0.2] + 4, column[0.34] - 2)
+    assert share[:, house, 0].max() < 0.01
+    assert share[:34, shreds, 0].min() > 0.95
+    assert share[47:, shreds, 0].max() < 0.01
+    np.testing.assert_allclose(share[:34, shreds, 1], 4, rtol=0.05)  # where they are: before a wall they are the wall's

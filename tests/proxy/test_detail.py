@@ -16,7 +16,7 @@ from mirelight.proxy.capture import look_at_capture
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.detail import Core, core_of, with_core, without_fog
 from mirelight.proxy.flats import Flat
-from mirelight.proxy.labels import Sky
+from mirelight.proxy.skies import Sky
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.types import ProxySettings, Soup
 from mirelight.proxy.views import moved, rays

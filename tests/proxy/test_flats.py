@@ -10,8 +10,9 @@ import pytest
 from mirelight.model import Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat, even, flats_of, turned_outwards
-from mirelight.proxy.labels import Labels, Sky, flattened, fog_of
+from mirelight.proxy.labels import Labels, flattened
 from mirelight.proxy.pieces import Points
+from mirelight.proxy.skies import Sky, fog_of
 from mirelight.proxy.squared import squared
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
@@ -103,6 +104,21 @@ def test_what_looks_as_the_sky_beside_it_is_sky_even_at_a_planes_end_and_a_windo
     plain = replace(hanging, color=(0.4 + 0.3 * rim[:, None] + 0 * color).astype(np.float32))
     shown = flattened(plain, [floor], SPACING, Sky(TUNING.fog, up), Labels(on, np.ones(on.shape, np.float32))).depth
     assert (shown[10:-10][whole] > 0).all()  # what looks otherwise is the plane's
+
+
+def test_what_goes_on_from_a_sky_and_looks_as_it_is_sky_and_a_house_is_wider_than_itself() -> None:
+    """Columns: a sky, shreds of it that are trusted, two pixels of it that a house's splats reach, the house."""
+    seen, column, row = view(0.0), np.arange(160), np.arange(120)[:, None]
+    window = (abs(column - 80) < 6) & (abs(row - 60) < 6)
+    color = np.where(((column < 47) | window)[..., None], (0.55, 0.7, 0.9), (0.5, 0.45, 0.4)).astype(np.float32)
+    trust = np.where(column < 40, 0.01, np.where((column < 45) | window, 0.7, 1.0)).astype(np.float32)
+    house = replace(seen, color=color, trust=trust * np.ones_like(seen.trust))
+    up = -seen.camera.world_from_camera[:3, 2]  # all of it is above the horizon
+    shown = flattened(house, [], SPACING, Sky(TUNING.fog, up)).depth > 0
+    assert not shown[:, :47].any()
+    assert shown[:, 47:].all()  # the window is as little sure as shreds are, and no part of the sky
+    other = replace(house, color=np.where(column[:, None] < 40, color, np.float32(0.45)))
+    assert (flattened(other, [], SPACING, Sky(TUNING.fog, up)).depth[:, 40:] > 0).all()
 
 
 def test_what_hangs_before_a_plane_is_no_sky() -> None:

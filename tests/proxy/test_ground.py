@@ -12,7 +12,8 @@ from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.detail import closer
 from mirelight.proxy.flats import Flat, flats_of
 from mirelight.proxy.ground import carried_on, ground_of, outside
-from mirelight.proxy.labels import Sky, flattened
+from mirelight.proxy.labels import flattened
+from mirelight.proxy.skies import Sky
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 
@@ -59,10 +60,24 @@ def test_a_ground_reaches_out_of_the_grid_that_holds_the_capture() -> None:
     rising = replace(ground, lift=0.1 * np.add.outer(np.arange(40) + 0.5, np.zeros(40)) - 2.0)  # by 1 for 1 along x
     soup = outside(rising, np.array([1.0, 9, 1.0]))
     corners = soup.vertices[soup.faces]
-    assert triangles.areas(corners).sum() == pytest.approx((16 - 4) * 2**0.5, rel=0.02)
-    assert (np.abs(corners.mean(axis=1)[:, [0, 2]]) > 1).any(axis=1).all()
+    assert triangles.areas(corners).sum() == pytest.approx((16 - 1.8**2) * 2**0.5, rel=0.02)  # a cell within
+    assert (np.abs(corners.mean(axis=1)[:, [0, 2]]) > 0.9).any(axis=1).all()
     inner = np.abs(soup.vertices[:, 0]) < 1.9  # it is level past the middle of its last cells
     assert soup.vertices[inner, 1] == pytest.approx(0.5 + soup.vertices[inner, 0], abs=1e-9)
+
+
+def test_what_hangs_beneath_a_ground_that_is_guessed_is_no_pit_of_it() -> None:
+    """A lawn that is trusted a little, twice as deep as a plane's thickness; a ground that views tell of has pits."""
+    seen = view(0.0, -4 * SPACING)
+    lawn = replace(seen, trust=np.where(seen.trust > 0, np.float32(0.6), 0))
+    told = Flat(np.array([0.0, 1, 0]), 0.0, np.eye(3)[[0, 2]], 0.2, np.full(2, -40), np.ones((80, 80), bool))
+    origins, ways = rays(seen.camera)
+    for ground, low in ((told, -4 * SPACING), (replace(told, told=False, lift=np.zeros((80, 80))), 0.0)):
+        at = origins + ways * flattened(lawn, [ground], SPACING, Sky(TUNING.fog)).depth[..., None]
+        away = np.linalg.norm(at[..., [0, 2]], axis=-1)
+        beneath = (away > SURE + 0.5) & ground.inside(at)
+        assert beneath.sum() > 500
+        assert np.quantile(np.abs(at[beneath, 1] - low), 0.95) < 0.25 * SPACING
 
 
 def test_a_wall_along_a_street_is_no_ground_though_nothing_lies_behind_it() -> None:

@@ -11,8 +11,9 @@ import pytest
 from mirelight.model import F64, Camera
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Flat
-from mirelight.proxy.labels import Sky, flattened, labelled
+from mirelight.proxy.labels import flattened, labelled
 from mirelight.proxy.openings import Window
+from mirelight.proxy.skies import Sky
 from mirelight.proxy.tuning import TUNING
 from mirelight.proxy.views import rays
 from mirelight.proxy.walls import Room, hung, room_of

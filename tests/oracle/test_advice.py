@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mirelight
-from mirelight.model import DisplaySettings, Frame
+from mirelight.model import Camera, DisplaySettings, Frame
 from mirelight.pipeline import frame_diagnostics
 from mirelight.pipeline.scene import Scene
 
@@ -75,6 +75,22 @@ def test_a_sky_of_splats_far_behind_needs_no_proxy(right: tuple[Scene, Frame]) -
     far = replace(near, splats=replace(frame.splats, median_depth=depth))
     assert kinds(scene, near)[:1] == ["uncovered"]
     assert "uncovered" not in kinds(scene, far)
+
+
+def test_a_sky_of_splats_nearby_needs_no_proxy_that_was_made_from_them(right: tuple[Scene, Frame]) -> None:
+    """As a camera sees it whose horizon is the picture's middle row."""
+    scene, frame = right
+    assert frame.splats is not None and frame.lighting is not None
+    level = Camera.look_at((0, 1, 5), (0, 1, 0), 160, 90, yfov=50)
+    row = np.arange(90)[:, None]
+    said = {}
+    for part, without in (("above", row < 43), ("below", row > 47)):
+        lit = replace(frame.lighting, coverage=np.where(without, np.float32(0), frame.lighting.coverage))
+        seen = replace(frame, lighting=lit, splats=replace(frame.splats, camera=level))
+        for own in (True, False):
+            found = frame_diagnostics.of_frame(seen, scene.job.display, own=own)
+            said[part, own] = "uncovered" in [x.kind for x in found]
+    assert said == {("above", True): False, ("above", False): True, ("below", True): True, ("below", False): True}
 
 
 SMALL = "resolution=[64,36]"

@@ -77,8 +77,7 @@ def _joined(sky: Bool, alike: Bool, trust: F32) -> Bool:
     from scipy.ndimage import binary_dilation, binary_propagation
 
     doubted = binary_propagation(sky, mask=sky | (alike & (trust < TUNING.sky_sure)))
-    rim = binary_dilation(doubted, iterations=TUNING.sky_rim, mask=alike | sky) if doubted.any() else doubted
-    return np.asarray(rim & (alike | sky))
+    return np.asarray(binary_dilation(doubted, iterations=TUNING.sky_rim, mask=sky | alike))
 
 
 def large(there: Bool) -> Bool:

@@ -62,7 +62,7 @@ class FirstView:
     camera: Camera
     target: F64  # (3,) the middle of what it shows; in a room that was stood in, in the air before that
     room: bool  # seen from inside
-    luminance: float  # mean of the splats' pixels as captured, linear
+    luminance: float  # median of the splats' pixels as captured, linear: a sky is no part of the surface
     white: float  # share of them at the end of a channel
     depth: float  # of what they blend, as a share of the capture's radius
     picture: SplatLayer  # small
@@ -71,7 +71,7 @@ class FirstView:
     def brightness(self) -> str:
         """How bright it is, a line for people."""
         white = f"{self.white:.1%} of their pixels are white"
-        return f"As captured, the splats' mean luminance is {self.luminance:.2f}; {white}."
+        return f"As captured, the splats' median luminance is {self.luminance:.2f}; {white}."
 
 
 def best(
@@ -148,7 +148,7 @@ def best(
     light = np.zeros((1, 3)) if not len(own) else own if layer.linear else colour.srgb_decode(own)
     white = float((light.max(axis=-1) > 0.99).mean())
     target = _ahead(layer, room) if stood and (layer.median_depth > 0).any() else middle
-    return FirstView(layer.camera, target, room, float(colour.luminance(light).mean()), white, deep, layer)
+    return FirstView(layer.camera, target, room, float(np.median(colour.luminance(light))), white, deep, layer)
 
 
 def _bounds(points: F64) -> tuple[F64, F64]:

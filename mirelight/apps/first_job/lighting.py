@@ -19,7 +19,7 @@ from mirelight.base import conventions
 from mirelight.base.errors import InputError
 from mirelight.base.names import FreeNames
 from mirelight.base.sh import C0
-from mirelight.model import F64, Camera, SplatCloud
+from mirelight.model import F64, SplatCloud
 
 _LIGHTS = ("sun", "point")
 _FILL = 0.35  # cd/m² all around, under the sun
@@ -27,7 +27,8 @@ _SUN = 3.2  # lux: a surface that faces it is lit 1.4 times as brightly as it wa
 _GAIN = 0.9  # a lamp's light over the captured one, median of the surface
 _MET = 0.6  # of a room's light, that comes straight from a lamp
 _BRIGHT = 0.05  # share of the surface that a lamp may make white
-_FROM_LEFT = (-0.75, 0.8, 0.45)  # towards the light: along the picture's right, up, towards the camera
+_ASIDE = (0.75, 0.8, 0.45)  # towards the light: along the picture's right or left, up, towards the camera
+_MORE = 2.0  # times the light that what is seen gets from the right, if it comes from there
 
 
 def lightings(
@@ -94,27 +95,48 @@ def _asked(path: Path, middle: F64) -> beside.Lights:
     return one
 
 
-def _towards_light(camera: Camera) -> F64:
-    right = camera.world_from_camera[:3, 0]
+def _towards_light(seen: view.FirstView) -> tuple[str, F64]:
+    """From which side new light comes, and (3,) unit towards it: from the left, unless a wall that is looked along
+    faces the right."""
+    right = seen.camera.world_from_camera[:3, 0]
     back = np.cross(right, (0.0, 1.0, 0.0))
     back = back if np.linalg.norm(back) > 1e-6 else np.array([0.0, 0.0, 1.0])
-    x, y, z = _FROM_LEFT
-    return conventions.unit(x * right + y * np.array([0.0, 1.0, 0.0]) + z * conventions.unit(back))
+    x, y, z = _ASIDE
+    rest = y * np.array([0.0, 1.0, 0.0]) + z * conventions.unit(back)
+    ways = {"left": conventions.unit(rest - x * right), "right": conventions.unit(rest + x * right)}
+    facing = _facing(seen)
+    left, other = (float(np.maximum(facing @ way, 0).sum()) for way in ways.values())
+    side = "right" if other > _MORE * left else "left"
+    return side, ways[side]
+
+
+def _facing(seen: view.FirstView) -> F64:
+    """(N, 3) unit, towards the camera: normals of what the picture shows, by its depth in neighbouring pixels."""
+    depth = seen.picture.median_depth
+    start, way = seen.camera.rays()
+    at = start + way * depth[..., None]
+    normal = np.cross(at[1:-1, 2:] - at[1:-1, :-2], at[2:, 1:-1] - at[:-2, 1:-1])
+    around = [depth[1:-1, 2:], depth[1:-1, :-2], depth[2:, 1:-1], depth[:-2, 1:-1]]
+    size = np.linalg.norm(normal, axis=-1)
+    there = (np.min(around, axis=0) > 0) & (size > 0)
+    normal = normal[there] / size[there][:, None]
+    return np.asarray(normal * -np.sign((normal * way[1:-1, 1:-1][there]).sum(axis=1))[:, None])
 
 
 def _sun(seen: view.FirstView, level: float) -> Iterator[str]:
     from mirelight.io.job.sun_position import of_direction
 
     fill = _FILL * level
+    side, towards = _towards_light(seen)
     yield ""
-    yield "# A sun from the left, and the sky's light all around."
+    yield f"# A sun from the {side}, and the sky's light all around."
     yield "[[lightings]]"
     yield 'name = "sun"'
     yield f"environment = {{ radiance = [{0.8 * fill:.3g}, {fill:.3g}, {1.35 * fill:.3g}] }} # cd/m²"
     yield ""
     yield "[[lightings.lights]]"
     yield 'type = "sun"'
-    elevation, azimuth = of_direction(_towards_light(seen.camera))
+    elevation, azimuth = of_direction(towards)
     yield f"elevation = {elevation:.0f} # degrees above the horizon"
     yield f"azimuth = {azimuth:.0f} # degrees clockwise from north, which is -Z"
     yield "color = [1, 0.9, 0.74]"
@@ -128,7 +150,7 @@ def _point(seen: view.FirstView, cloud: SplatCloud, level: float) -> Iterator[st
         place, reach = seen.target + np.array([0.0, 0.25 * away, 0.0]), away
     else:
         reach = 0.7 * away
-        place = seen.target + reach * _towards_light(seen.camera)
+        place = seen.target + reach * _towards_light(seen)[1]
     yield ""
     yield "# A warm lamp, and a little light all around."
     yield "[[lightings]]"

@@ -28,7 +28,7 @@ _GAIN = 0.9  # a lamp's light over the captured one, median of the surface
 _MET = 0.6  # of a room's light, that comes straight from a lamp
 _BRIGHT = 0.05  # share of the surface that a lamp may make white
 _ASIDE = (0.75, 0.8, 0.45)  # towards the light: along the picture's right or left, up, towards the camera
-_MORE = 2.0  # times the light that what is seen gets from the right, if it comes from there
+_MORE = 1.5  # times the light that what is seen gets from the right, if it comes from there
 
 
 def lightings(

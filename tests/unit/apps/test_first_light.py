@@ -21,7 +21,7 @@ def wall(turned: float) -> FirstView:
     return FirstView(camera, np.zeros(3), False, 0.2, 0.0, 0.0, picture)
 
 
-@pytest.mark.parametrize(("turned", "side"), [(-50, "left"), (0, "left"), (10, "left"), (50, "right")])
+@pytest.mark.parametrize(("turned", "side"), [(-50, "left"), (0, "left"), (5, "left"), (50, "right")])
 def test_light_comes_from_the_side_that_a_wall_faces(turned: float, side: str) -> None:
     seen = wall(turned)
     normals = _facing(seen)

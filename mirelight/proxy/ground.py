@@ -50,11 +50,8 @@ def outside(ground: Flat, half: F64) -> Soup:
     i = np.stack(np.meshgrid(np.arange(rows + 1.0), np.arange(columns + 1.0), indexing="ij"), axis=-1).reshape(-1, 2)
     flat = ground.at(i)
     corners = flat + ground.lifted(flat)[:, None] * ground.normal
-    out = (
-        (np.abs(corners) > half - ground.cell * np.abs(ground.axes).max(axis=0))
-        .any(axis=1)
-        .reshape(rows + 1, columns + 1)
-    )
+    end = half - ground.cell * np.abs(ground.axes).max(axis=0)
+    out = (np.abs(corners) > end).any(axis=1).reshape(rows + 1, columns + 1)
     k = np.flatnonzero(ground.there & (out[:-1, :-1] | out[1:, :-1] | out[:-1, 1:] | out[1:, 1:]))
     first = k // columns * (columns + 1) + k % columns
     quad = first[:, None] + np.array([0, columns + 1, columns + 2, 1])

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mirelight.base.colour import srgb_encode
 from mirelight.base.progress import ShareProgress, passed, quiet
@@ -103,6 +104,12 @@ def composite(
     return replace(layer, beyond=np.stack([share + more, depth_off], axis=-1).astype(np.float32))
 
 
+def above_horizon(camera: Camera) -> NDArray[np.bool_]:
+    """(H, W) which pixels of a camera look upwards."""
+    _, ways = camera.rays()
+    return np.asarray(ways[..., 1] > 0)
+
+
 def is_room(tracer: Tracer | EngineTracer) -> bool:
     """Whether a proxy is a room, as the path tracer sees it; by the engine's light it is not asked."""
     from mirelight.lighting import Tracer
@@ -120,8 +127,7 @@ def _as_sky(layer: SplatLayer, share: F64, camera: Camera) -> F32:
     the proxy."""
     from mirelight.proxy.skies import large, unlike
 
-    _, ways = camera.rays()
-    above = ways[..., 1] > 0
+    above = above_horizon(camera)
     apart = unlike(_shown(layer), large(above & (share > _FAR)))
     return np.asarray(above * np.clip((_OTHER - apart) / (_OTHER - _ALIKE), 0, 1), np.float32)
 

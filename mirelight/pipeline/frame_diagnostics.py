@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from mirelight.base import colour
 from mirelight.io.views import curve_of
-from mirelight.model import F32, Camera, DisplaySettings, Frame, rules_of
+from mirelight.model import F32, DisplaySettings, Frame, rules_of
 from mirelight.model.profiles import BRIGHTEST
+from mirelight.pipeline.beyond import above_horizon
 
 Kind = Literal["nothing", "uncovered", "gap", "white", "black", "light", "colours", "albedo", "objects"]
 
@@ -42,7 +43,6 @@ _UNLIT = 1e-6  # share of the picture's light below which a light adds nothing
 _OWN = "it was made from the splats, so they have no clear surface there: `mirelight inspect --heat DIR` shows where"
 
 Mask = NDArray[np.bool_]
-Int = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +116,8 @@ def _step(shape: tuple[int, ...]) -> int:
 
 def _fit(frame: Frame, own: bool) -> list[Finding]:
     """Whether the proxy is where the splats are; `own`: it was made from them."""
+    from mirelight.proxy.skies import large
+
     splats, lit = frame.splats, frame.lighting
     assert splats is not None and lit is not None
     height, width = lit.coverage.shape
@@ -130,7 +132,7 @@ def _fit(frame: Frame, own: bool) -> list[Finding]:
     if covered.any():  # a sky of splats has no proxy
         on &= covered | (depth < _SKY * np.quantile(lit_depth[covered], 0.95))
     if own:  # whose maker found no surface there, nor walls
-        on &= ~_above(splats.camera, on & ~covered, rows, columns)
+        on &= ~large(on & ~covered & above_horizon(splats.camera)[np.ix_(rows, columns)])
     if not on.any():
         return []
     off = 1 - float((on & covered).sum() / on.sum())
@@ -151,14 +153,6 @@ def _fit(frame: Frame, own: bool) -> list[Finding]:
     if nearer > 0.9:
         look += "; or the camera stands inside the mesh"
     return [Finding("gap", text, look)]
-
-
-def _above(camera: Camera, there: Mask, rows: Int, columns: Int) -> Mask:
-    """(h, w) the large pieces of a mask (h, w) of a picture's rows (h,) and columns (w,) above the horizon: a sky."""
-    from mirelight.proxy.skies import large
-
-    _, ways = camera.rays()
-    return large(there & (ways[..., 1] > 0)[np.ix_(rows, columns)])
 
 
 def _apart(splats: F32, proxy: F32, whole: F32, step: int, both: Mask) -> float:

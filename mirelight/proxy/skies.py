@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirelight.base.together import each
+from mirelight.compositor.supersample import mean
 from mirelight.model import F32, F64
 from mirelight.proxy.depth import DepthMap
 from mirelight.proxy.flats import Bool, Flat, depth_of
@@ -50,8 +51,8 @@ def unlike(color: F32, sky: Bool) -> F32:
     known = gaussian_filter(known, wide)
     apart = np.zeros(sky.shape, np.float32)
     for k, total in enumerate(sums):
-        mean = _spread(total / np.maximum(known, np.float32(1e-6)), cell, sky.shape)
-        np.maximum(apart, np.abs(color[..., k] - mean), out=apart)
+        usual = _spread(total / np.maximum(known, np.float32(1e-6)), cell, sky.shape)
+        np.maximum(apart, np.abs(color[..., k] - usual), out=apart)
     apart[_spread(known, cell, sky.shape) < TUNING.sky_known] = np.inf
     return apart
 
@@ -59,9 +60,7 @@ def unlike(color: F32, sky: Bool) -> F32:
 def _means(values: NDArray[Any], cell: int) -> F32:
     """(h, w) of blocks of so many pixels a side, past the edge nothing, of (H, W)."""
     height, width = values.shape
-    whole = np.pad(values, ((0, -height % cell), (0, -width % cell))).astype(np.float32)
-    blocks = whole.reshape(len(whole) // cell, cell, -1, cell)
-    return np.asarray(blocks.mean(axis=(1, 3)))
+    return mean(np.pad(values, ((0, -height % cell), (0, -width % cell))).astype(np.float32), cell)
 
 
 def _spread(blocks: F32, cell: int, shape: tuple[int, ...]) -> F32:

@@ -117,9 +117,8 @@ def _facing(seen: view.FirstView) -> F64:
     at = start + way * depth[..., None]
     normal = np.cross(at[1:-1, 2:] - at[1:-1, :-2], at[2:, 1:-1] - at[:-2, 1:-1])
     around = [depth[1:-1, 2:], depth[1:-1, :-2], depth[2:, 1:-1], depth[:-2, 1:-1]]
-    size = np.linalg.norm(normal, axis=-1)
-    there = (np.min(around, axis=0) > 0) & (size > 0)
-    normal = normal[there] / size[there][:, None]
+    there = (np.min(around, axis=0) > 0) & normal.any(axis=-1)
+    normal = conventions.unit(normal[there])
     return np.asarray(normal * -np.sign((normal * way[1:-1, 1:-1][there]).sum(axis=1))[:, None])
 
 
